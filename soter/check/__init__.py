@@ -1,1 +1,1 @@
-"""What admits safety modules, and what tries them: conditions, proofs, falsification. What to test is handed in."""
+"""Checks of safety modules: the conditions and proofs that admit them, and falsification, which tries to break them."""

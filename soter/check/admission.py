@@ -1,6 +1,6 @@
-"""Whether a mission may be run: what can be said of its modules, within milliseconds, before any robot is opened.
+"""Decides within milliseconds, before any robot is opened, whether a mission may be run.
 
-And how much faster than the host's clock a simulated world may run before a module cannot keep its promise.
+Also finds how much faster than the host's clock a simulated world may run before a module is ill-formed.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from soter.stack.right_of_way import BATTERY, WAIT_S, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 
 _LONGEST_DWELL_S: Final = 0.8 * WAIT_S
-"""A rule about pairs may keep a robot for no longer once it holds again: who dwells counts as waiting."""
+"""Longest dwell of a rule about pairs: a robot that dwells counts as waiting."""
 
 _STEPS: Final = 20
-"""Halvings of the range in which the highest speed-up is looked for; far finer than the figure in the message."""
+"""Bisection steps of the search for the highest speed-up; far finer than the figure in the message."""
 
 
 def declare_all(
@@ -57,14 +57,14 @@ def highest_speedup(
 ) -> float | None:
     """Return the highest speed-up up to `most` at which all modules are well-formed, or None if there is none.
 
-    Latency, age and jitter are the host's: in the time of a world that runs N times as fast they are N times as long.
+    Latency, age and jitter are the host's: in the time of a world that runs N times as fast, they are N times as long.
 
     Args:
         mission: the mission.
-        workspace: where.
-        backend: its backend; says what robots promise at a speed-up.
+        workspace: fence, boxes, chargers.
+        backend: its backend; has the robots' promises at a speed-up.
         config: the backend's options.
-        most: a speed-up at which they are not.
+        most: a speed-up at which a module is ill-formed.
     """
 
     def well_formed(speedup: float) -> bool:
@@ -89,7 +89,7 @@ def highest_speedup(
 def refused_at(
     failure: IllFormedModule, mission: MissionFile, workspace: Workspace, backend: type[Backend], config: BackendConfig
 ) -> IllFormedModule:
-    """Return the failure with the highest admissible speed-up in it, where the backend has one to choose."""
+    """Return the failure with the highest admissible speed-up added, if the backend has a speed-up."""
     most = getattr(config, "speedup", None)
     if not isinstance(most, float):
         return failure
@@ -103,12 +103,12 @@ def refused_at(
 
 @dataclass(frozen=True)
 class Admission:
-    """What is known about the modules of a mission without trials and covers.
+    """What is known about the modules of a mission without trials.
 
     Attributes:
-        findings: whether they are well-formed (P1, P3 and what else is refused before anything moves), one for each
-            module and condition, in order of the modules' right to drive. What is rejected here is never run.
-        proofs: of P2. What is not proved here is run on request only.
+        findings: whether the modules are well-formed (P1, P3 and further checks before anything moves), one for each
+            module and condition, in order of priority. A mission with a rejected one is never run.
+        proofs: findings about P2. A mission with one that is not proved is run on request only.
     """
 
     findings: Sequence[Finding]
@@ -116,26 +116,26 @@ class Admission:
 
     @property
     def refused(self) -> bool:
-        """Whether anything is rejected."""
+        """Whether any finding is a rejection."""
         return any(each.verdict is Certainty.REJECTED for each in (*self.findings, *self.proofs))
 
     @property
     def ill_formed(self) -> Finding | None:
-        """The first finding that nobody can accept, or None."""
+        """The first rejection, which cannot be accepted, or None."""
         return next((each for each in self.findings if each.verdict is Certainty.REJECTED), None)
 
     @property
     def unproved(self) -> list[Finding]:
-        """What is run only if somebody accepts it."""
+        """The proofs that failed, with which a mission is run only if they are accepted."""
         return [each for each in self.proofs if each.verdict is not Certainty.PROVED]
 
 
 def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Admission:
-    """Return what is known about the modules of a mission on robots that promise so much."""
+    """Return what is known about the modules of a mission on robots with these promises."""
     try:
         declared = declare_all(mission, workspace, capabilities)
     except IllFormedModule as failure:
-        # A module cannot even be declared for these robots: they do not promise what its model needs.
+        # A module cannot be declared at all: these robots do not promise what its model needs.
         return Admission([rejection(failure)])
     return admit_declared(mission, declared, capabilities)
 
@@ -143,7 +143,7 @@ def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int,
 def admit_declared(
     mission: MissionFile, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
 ) -> Admission:
-    """Return the same of modules that have been declared."""
+    """Return what is known about modules that are declared already; see `admit`."""
     findings = [found for name in mission.rta.order for found in _conditions(mission, declared, name)]
     if any(each.verdict is Certainty.REJECTED for each in findings):
         return Admission(findings)
@@ -163,19 +163,19 @@ def admitted(
     ill_formed: bool,
     unproved: bool,
 ) -> tuple[str, ...]:
-    """Refuse a mission that may not be run; return what is not proved of one that may.
+    """Refuse a mission that may not be run; return the conditions that are not proved if it may.
 
     Args:
         mission: the mission.
-        workspace: where.
+        workspace: fence, boxes, chargers.
         backend: its backend, which is not opened.
         config: the options of the backend.
-        ill_formed: whether modules that are not well-formed are run, for questions to them.
-        unproved: whether what is not proved is run.
+        ill_formed: whether to admit ill-formed modules, for studies.
+        unproved: whether to admit conditions that are not proved.
 
     Raises:
-        IllFormedModule: a module is not well-formed on robots that promise so much.
-        ConfigError: a module is not proved.
+        IllFormedModule: a module is not well-formed on robots with these promises.
+        ConfigError: a condition is not proved.
     """
     try:
         promised = promises(backend, config, mission, workspace)
@@ -202,7 +202,7 @@ def admitted(
 
 
 def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
-    """Check all modules; that rules hold where the robots start (A13), and users' where all robots charge (P2b)."""
+    """Check all modules, that rules hold where robots start (A13), and users' rules where all robots charge (P2b)."""
     places = [each.place for each in declared.values()]
     starts = {place.id: (place.x_m, place.y_m, place.heading_rad) for place in places}
     stations = {place.id: place.charger.centre for place in places}
@@ -251,24 +251,24 @@ def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
 
 
 def _conditions(mission: MissionFile, declared: Mapping[int, Declared], name: str) -> list[Finding]:
-    """Return P1 and P3 of a module: those of the robot that is worst off."""
+    """Return the findings about P1 and P3 of a module, for the robot with the worst ones."""
     found = [conditions(each.module(name), each.timing, mission.base_tick_s) for each in declared.values()]
     rejected = [each for each in found if any(one.verdict is Certainty.REJECTED for one in each)]
     return rejected[0] if rejected else min(reversed(found), key=lambda each: _spare(each[-1]))
 
 
 def _spare(found: Finding) -> float:
-    """Return what P3 leaves at the edge of phi_safer."""
+    """Return the margin that P3 leaves at the edge of phi_safer."""
     edge, reach, noise = (found.figures.get(name) for name in ("edge_margin", "reach", "noise"))
     return math.inf if edge is None or reach is None or noise is None else float(edge) - float(reach) - float(noise)
 
 
 def _contracts(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
-    """Return P2c of every module that stands before the battery's: that it lets the robot go home."""
+    """Return the finding about P2c of every module before the battery's: that it lets the robot go home."""
     order = mission.rta.order
     if BATTERY not in order:
         return []
-    # A contract may differ from robot to robot: the longest counts.
+    # A contract may differ between robots: the longest counts.
     modules = [
         max((each.module(name) for each in declared.values()), key=lambda one: one.lets_go_s)
         for name in order[: order.index(BATTERY)]

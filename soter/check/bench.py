@@ -1,8 +1,8 @@
 """Tries a safety module of a mission in a simulated world (`soter.check.trial.TriedModule`): one point, one trial.
 
-A trial puts robots somewhere, lets an adversarial AC drive as long as the module under test lets it, and from the
-first switch on leaves the robot to the safe controllers, until the module gives it back or patience runs out. What
-happened is judged by true poses.
+A trial puts robots somewhere, lets an adversarial AC drive as long as the module under test allows, and from the first
+switch on leaves the robot to the safe controllers, until the module gives it back or patience runs out. It is judged by
+true poses.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from soter.stack.right_of_way import BATTERY, COLLISION
 
 BACKEND: Final = "kinematic"
 SEGMENTS: Final = 4
-"""Courses that the AC steers, one after another, each told from the one along which the margin falls fastest."""
+"""Number of courses that the AC steers in turn, each an offset from the course along which the margin falls fastest."""
 
 LONGEST_SEGMENT_S: Final = 6.0
 ATTACK_S: Final = 24.0
-"""An AC that was not disengaged by then has failed."""
+"""An AC that was not disengaged within this time has failed."""
 
 FAR_M: Final = 3.0
 INIT_TIMEOUT_S: Final = 1.0
 NEAREST_M, FARTHEST_M = 0.22, 1.2
-"""Where peers begin that are to collide, as distances from the first robot. How near a rule of a user's own lets them
-come, nobody knows."""
+"""Distances from the first robot at which peers begin that are to collide; how near a user's rule lets them come is
+not known."""
 
 _MOTION: Final = {Assumption.MOTION, Assumption.BRAKING, Assumption.LATENCY, Assumption.POSITION_NOISE}
 """Assumptions on which the models of modules rest."""
@@ -53,7 +53,7 @@ _MOTION: Final = {Assumption.MOTION, Assumption.BRAKING, Assumption.LATENCY, Ass
 _TOLERANCE: Final = 1e-6
 _ASIDE_M: Final = 0.01
 CHECKED: Final = "module"
-"""What a module is called that is tried without a mission."""
+"""Name of a module that is tried without a mission."""
 
 
 def open_floor(robots: int) -> Workspace:
@@ -73,16 +73,16 @@ def open_floor(robots: int) -> Workspace:
 def floor_bench(
     target: str, options: Mapping[str, object] | None = None, robots: int = 1, patience_s: float = 60.0
 ) -> ModuleBench:
-    """Return a bench with nothing but one module of the user's own, on an open floor.
+    """Return a bench with a single module of the user's own, on an open floor.
 
     Args:
         target: `package.module:name`, a declaring function or a declaration.
-        options: of the module.
-        robots: how many.
+        options: the module's options.
+        robots: number of robots.
         patience_s: how long its safe controller may take to get back to phi_safer.
 
     Raises:
-        ConfigError: there is no such module, or its options are not allowed.
+        ConfigError: there is no such module, or it does not allow an option.
     """
     module = {CHECKED: {"declare": target, "options": dict(options or {})}}
     tables = {"workspace": Path("open floor"), "backend": BACKEND, "rta": {"modules": (), "module": module}}
@@ -98,8 +98,8 @@ def mission_bench(path: Path | str, name: str, robots: int = 1, patience_s: floa
 
     Args:
         path: the mission file.
-        name: of the module under test.
-        robots: how many.
+        name: name of the module under test.
+        robots: number of robots.
         patience_s: how long its safe controller may take to get back to phi_safer.
 
     Raises:
@@ -113,15 +113,15 @@ class ModuleBench:
     """A `soter.check.trial.TriedModule`: one module of a mission on simulated robots.
 
     Args:
-        mission: its modules, and the options of the one under test.
-        workspace: where; as many of its robots as are wanted take part.
-        name: of the module under test.
-        robots: how many take part; all of them have the mission's modules and an adversarial AC.
+        mission: has the modules, and the options of the one under test.
+        workspace: fence, boxes and chargers, with at least as many robots as take part.
+        name: name of the module under test.
+        robots: how many robots take part; all of them have the mission's modules and an adversarial AC.
         patience_s: how long the safe controller may take to get back to phi_safer.
 
     Raises:
-        ConfigError: the mission has no such module, or the workspace not so many robots.
-        IllFormedModule: a module cannot keep its promise on these robots.
+        ConfigError: the mission has no such module, or the workspace too few robots.
+        IllFormedModule: a module cannot keep its rule on these robots.
     """
 
     def __init__(
@@ -142,11 +142,11 @@ class ModuleBench:
         self._per_robot: Final = 3 + self._charges + 2 * SEGMENTS
         self.dimensions: Final = robots * self._per_robot
         self.base_tick_s: Final = mission.base_tick_s
-        # Assembled once before anything is tried: a bad declaration is to fail here, with its own error.
+        # Assemble once before any trial, so that a bad declaration fails here, with its own error.
         with self._open(self._specs([0.5] * self.dimensions)) as fleet:
             safety = assemble(mission, self.workspace, fleet.robots, lambda _: None)
             self._terrains: Final = {robot_id: each.terrain for robot_id, each in safety.robots.items()}
-            # Of the first robot; in trials each has its own.
+            # The first robot's declaration; in trials each robot has its own.
             self.module: Final[RTAModule] = _module(safety, fleet.robots[0].id, name)
             self.timing: Final[Timing] = timing_of(fleet.robots[0].capabilities, mission.base_tick_s)
 
@@ -172,7 +172,7 @@ class ModuleBench:
             yield fleet
 
     def _specs(self, vector: Sequence[float]) -> list[RobotSpec]:
-        """Return where the robots begin: anywhere, but near the first where the module is the one about collisions."""
+        """Return where the robots begin: anywhere, but for the collision module near the first one."""
         specs: list[RobotSpec] = []
         battery = self._mission.battery
         for index, place in enumerate(self.workspace.robots):
@@ -194,7 +194,7 @@ class ModuleBench:
         return specs
 
     def _commands(self, vector: Sequence[float]) -> dict[int, list[tuple[float, float]]]:
-        """Return, for every robot, until when its AC drives how far aside from where the margin falls fastest."""
+        """Return, for every robot, its AC's courses: until when, and the angle from where the margin falls fastest."""
         commands: dict[int, list[tuple[float, float]]] = {}
         for index, place in enumerate(self.workspace.robots):
             values = vector[(index + 1) * self._per_robot - 2 * SEGMENTS : (index + 1) * self._per_robot]
@@ -202,7 +202,7 @@ class ModuleBench:
             commands[place.id] = []
             for bearing, length in zip(values[::2], values[1::2], strict=True):
                 ends_s += 0.1 + length * LONGEST_SEGMENT_S
-                # Near straight down more often than not: whoever wanders about seldom gets to the edge.
+                # Most courses are near straight down: a robot that wanders about seldom gets to the edge.
                 commands[place.id].append((ends_s, math.pi * (2.0 * bearing - 1.0) ** 3))
         return commands
 
@@ -263,7 +263,7 @@ class _Run:
         )
 
     def _unfit(self) -> list[tuple[Assumption, Breach]]:
-        """Return the assumptions about how robots move that did not hold."""
+        """Return the failed assumptions about how robots move."""
         return [
             (assumption, breach)
             for robot in self._robots
@@ -272,7 +272,7 @@ class _Run:
         ]
 
     def _begins_inside(self) -> bool:
-        """Whether every robot stands in phi_safe, and the AC's rules of the others hold as well."""
+        """Return whether every robot stands in phi_safe, and the other modules' rules hold as well."""
         samples = [robot.actuator.read() for robot in self._robots]
         for robot, own in zip(self._robots, samples, strict=True):
             situation = Situation(robot.robot_id, own, 0.0)
@@ -283,7 +283,7 @@ class _Run:
         return True
 
     def _follow(self, now_s: float) -> None:
-        """Note which modules under test took their robot, and which gave it back."""
+        """Record which modules under test took their robot, and which gave it back."""
         for robot_id, module in self._modules.items():
             since_s = self._in_sc_since_s.get(robot_id)
             if module.mode is Controller.SC and since_s is None:
@@ -296,7 +296,7 @@ class _Run:
                     self._returned.add(robot_id)
 
     def _attack(self, now_s: float) -> None:
-        """Drive every robot that its AC has not lost yet along its bearing of now."""
+        """Drive every robot whose AC still has control along its present course."""
         for robot_id, port in self._safety.ports.items():
             if not port.engaged or robot_id in self._switched or port.state is None:
                 continue
@@ -312,7 +312,7 @@ class _Run:
             )  # fmt: skip
 
     def _downhill(self, robot_id: int) -> float:
-        """Return the bearing along which the margin falls fastest from where the robot is; 0 where it is level."""
+        """Return the bearing along which the margin falls fastest from where the robot is; 0 if it is level."""
         region, situation = self._modules[robot_id].module.phi_safe, self._safety.supervisor.robots[robot_id].situation
         if region is None:
             return 0.0
@@ -349,7 +349,7 @@ class _Run:
                 self._breaches.append(BrokenObligation(Obligation.P2B, now_s, robot_id, x_m, y_m, text))
 
     def _left(self, now_s: float, robot_id: int, margin: float, x_m: float, y_m: float) -> BrokenObligation:
-        """Return who is to blame for a robot outside phi_safe: its safe controller, or who handed over too late."""
+        """Return the obligation that a robot outside phi_safe broke: P2a under its safe controller, else P3."""
         region = self._bench.module.phi_safe
         capabilities = next(robot.capabilities for robot in self._fleet.robots if robot.id == robot_id)
         unit = "" if region is None else f" {region.unit}"
@@ -370,7 +370,7 @@ class _Run:
         return BrokenObligation(Obligation.P2A, now_s, robot_id, x_m, y_m, text)
 
     def _over(self, now_s: float) -> bool:
-        """Whether the trial has nothing more to tell: all robots that were taken over have come back, or none was."""
+        """Return whether the trial is over: all robots that were taken over have come back, or none was taken over."""
         if self._switched:
             return self._switched == self._returned or (not self._in_sc_since_s and now_s > ATTACK_S)
         return not self._in_sc_since_s and now_s > ATTACK_S

@@ -1,4 +1,4 @@
-"""P1 and P3, which a declaration and a robot's promises settle by themselves."""
+"""P1 and P3, which follow from a declaration and a robot's promises alone."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from soter.rta import Region, RTAModule, Timing
 class Certainty(Enum):
     """How well a condition is known to hold.
 
-    PROVED: for every state, from the assumptions that the finding names. PARTLY: for every state but those that are
-    listed. TESTED: looked for a counterexample and found none. ASSUMED: taken from the author. REJECTED: it fails.
+    PROVED: for every state, from the assumptions that the finding names. PARTLY: for every state except those listed.
+    TESTED: a search found no counterexample. ASSUMED: taken from the author. REJECTED: it fails.
     """
 
     PROVED = "PROVED"
@@ -34,7 +34,7 @@ class Finding:
         condition: P1a, P1b, P2a, P2b or P3; or model, for R(T) itself.
         verdict: how well it is known to hold.
         text: why, with the numbers.
-        figures: the numbers, by a name that carries the unit.
+        figures: the numbers, by names that end in the unit.
     """
 
     module: str
@@ -44,7 +44,7 @@ class Finding:
     figures: Mapping[str, float | int | str | None] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, object]:
-        """Return it for JSON."""
+        """Return the finding as a dict for JSON."""
         return {
             "module": self.module,
             "condition": self.condition,
@@ -55,18 +55,18 @@ class Finding:
 
 
 def rejection(failure: IllFormedModule) -> Finding:
-    """Return what a module's refusal says as a finding."""
+    """Return the refusal of a module as a finding."""
     return Finding(failure.module, failure.condition, Certainty.REJECTED, failure.why)
 
 
 ORDER = ("P1a", "P1b", "P3")
-"""The order in which a module is checked: what comes after a condition that fails is not known."""
+"""The order in which a module is checked; conditions after a failed one are not checked."""
 
 
 def conditions(module: RTAModule, timing: Timing, base_tick_s: float) -> list[Finding]:
-    """Return what is known about P1a, P1b and P3.
+    """Return the findings about P1a, P1b and P3.
 
-    A module that fails one of them is judged no further than that, since the others build on it.
+    They end at the first that fails, since the others build on it.
     """
     try:
         module.check(timing, base_tick_s)

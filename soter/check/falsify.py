@@ -1,8 +1,8 @@
 """Falsification: sampled and searched starts, an adversarial AC up to the switch, then the safe controller alone.
 
 The worst is searched for by sampling, then by the cross-entropy method, over points of the unit cube: Rubinstein and
-Kroese, "The Cross-Entropy Method", Springer 2004. Scores are evaluated one after another and counted, never timed, so
-that the same seed finds the same point everywhere. The method is small; what an optimiser of a library would add are
+Kroese, "The Cross-Entropy Method", Springer 2004. Evaluations are sequential and limited by number, never by time, so
+that the same seed finds the same point on every host. The method is small; a library's optimisers would mainly add
 derivatives, which scores of simulated trials do not have.
 """
 
@@ -21,7 +21,7 @@ from soter.check.trial import Attempt, BrokenObligation, Obligation, TriedModule
 Vector = tuple[float, ...]
 
 BATCH: Final = 20
-"""Points drawn from one distribution before it is fitted anew."""
+"""Number of points drawn from one distribution before it is fitted anew."""
 
 _ELITE: Final = 5
 _SAMPLED: Final = 0.4
@@ -54,11 +54,11 @@ def search(
     """Look for the point with the least score; stop at the first that is negative.
 
     Args:
-        score: of a point of the unit cube; infinite where the point says nothing.
-        dimensions: of the cube, at least 1.
-        budget: evaluations, at most.
-        seed: everything random is drawn from it.
-        start: points that are known already; they cost nothing.
+        score: returns the score of a point of the unit cube; infinite if the point says nothing.
+        dimensions: dimensions of the cube, at least 1.
+        budget: largest number of evaluations.
+        seed: seed of all random numbers.
+        start: points with known scores, which do not count as evaluations.
     """
     if dimensions < 1 or budget < 1:
         raise ValueError(f"dimensions is {dimensions} and budget {budget}, allowed: at least 1")
@@ -90,7 +90,7 @@ def search(
             mean = _SMOOTHING * elite.mean(axis=0) + (1.0 - _SMOOTHING) * mean
             spread = _SMOOTHING * elite.std(axis=0) + (1.0 - _SMOOTHING) * spread
         drawn = random.normal(mean, np.maximum(spread, _LEAST_SPREAD), size=(BATCH, dimensions))
-        # Folded back into the unit interval, as by a mirror: angles and places near an edge stay near it.
+        # Reflect into the unit interval, so that angles and places near an edge stay near it.
         going = evaluate(1.0 - np.abs(drawn % 2.0 - 1.0))
     known.sort(key=lambda each: each[1])
     if not known or not math.isfinite(known[0][1]):
@@ -99,14 +99,14 @@ def search(
 
 
 def _stratified(random: np.random.Generator, dimensions: int, count: int) -> np.ndarray:
-    """Return a Latin hypercube: every coordinate has one point in each of `count` equal slices."""
+    """Return a Latin hypercube sample: every coordinate has one point in each of `count` equal slices."""
     slices = np.argsort(random.random((count, dimensions)), axis=0)
     return (slices + random.random((count, dimensions))) / max(count, 1)
 
 
 @dataclass(frozen=True, slots=True)
 class Falsified:
-    """A point that breaks an obligation."""
+    """A point whose trial broke an obligation."""
 
     breach: BrokenObligation
     vector: Vector
@@ -122,14 +122,14 @@ def falsify(
 ) -> tuple[list[Finding], list[Falsified]]:
     """Try to break P2a, P2b and P3 of one module.
 
-    Half of the budget looks for the least margin, half for the longest time to come back; every trial counts for all
-    obligations.
+    Half of the budget searches for the least margin, half for the longest time to come back; every trial counts for
+    all obligations.
 
     Args:
-        subject: what is to be broken.
-        budget: trials, at most.
-        seed: everything random is drawn from it.
-        on_trial: told how many trials are done.
+        subject: the module to break.
+        budget: largest number of trials.
+        seed: seed of all random numbers.
+        on_trial: called with the number of trials done.
 
     Returns:
         A finding for P2a and P2b, and for P3 and the model if they were broken; and the counterexamples.
@@ -143,7 +143,7 @@ def falsify(
             if on_trial is not None:
                 on_trial(len(trials))
             if obligation is Obligation.P2A:
-                # Whoever leaves phi_safe is found by the same search, whether the AC or the SC drove it there.
+                # One search finds robots that leave phi_safe, whether the AC or the SC drove them out.
                 return min(trial.score(Obligation.P2A), trial.score(Obligation.P3))
             return trial.score(obligation)
 
@@ -197,7 +197,7 @@ def _p2a(subject: TriedModule, valid: Sequence[Attempt], figures: dict[str, floa
         return Finding(name, "P2a", Certainty.ASSUMED, text, figures)
     if not valid:
         return Finding(name, "P2a", Certainty.ASSUMED, "no trial began inside phi_safe", figures)
-    # One that the AC, or a late switch, has led out says nothing about the safe controller.
+    # A trial whose AC, or late switch, led out of phi_safe says nothing about the safe controller.
     kept = [trial for trial in valid if not trial.breaches]
     if not kept:
         return Finding(name, "P2a", Certainty.ASSUMED, "no trial got as far as its safe controller", figures)

@@ -1,4 +1,4 @@
-"""Checks the modules of a mission without opening its backend: what admits it, and trials of what nothing is proved."""
+"""Checks the modules of a mission without opening its backend: conditions, proofs, and trials of unproved modules."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from soter.specs import promises_of
 from soter.stack.right_of_way import COLLISION
 
 TRIED_ROBOTS: Final = 4
-"""Of the mission's robots, so many take part in trials, the first."""
+"""How many of the mission's robots, the first ones, take part in trials."""
 
 _REFUSED: Final = Certainty.ASSUMED, "not tested: another module of the mission is rejected, so that nothing can be run"
 Progress = Callable[[str], None]
@@ -28,10 +28,10 @@ class MissionReport:
     """What is known about the modules of a mission.
 
     Attributes:
-        workspace: where.
-        findings: one for each module and condition, in order of the modules' right to drive.
-        counterexamples: by module.
-        benches: what the counterexamples of a module were found on.
+        workspace: fence, boxes, chargers.
+        findings: one for each module and condition, in order of the modules' priority.
+        counterexamples: by module, what was found.
+        benches: by module, the bench that its counterexamples were found on.
     """
 
     workspace: Workspace
@@ -46,20 +46,20 @@ class MissionReport:
 
     @property
     def complete(self) -> bool:
-        """Whether there is no proof with a gap."""
+        """Whether no proof has a gap."""
         return not any(each.verdict is Certainty.PARTLY for each in self.findings)
 
 
 def check_mission(
     mission: MissionFile, budget: int = 200, seed: int = 0, on_progress: Progress | None = None
 ) -> MissionReport:
-    """Check every module of a mission against what its backend's robots declare.
+    """Check every module of a mission against the promises of its backend's robots.
 
     Args:
         mission: the mission; its robots are not opened.
-        budget: trials for every module that is tested and not proved.
-        seed: everything random is drawn from it.
-        on_progress: told what is being done.
+        budget: trials for every module that is tested instead of proved.
+        seed: seed of all random numbers.
+        on_progress: called with what is being done, in words.
 
     Raises:
         ConfigError: bad input.
@@ -75,7 +75,7 @@ def check_mission(
     try:
         declared = declare_all(mission, workspace, capabilities)
     except IllFormedModule as failure:
-        # It cannot even be declared for these robots: they do not promise what its model needs.
+        # The modules cannot be declared at all: these robots do not promise what a model needs.
         return MissionReport(workspace, [rejection(failure)])
     tell("P1 and P3")
     admission = admit_declared(mission, declared, capabilities)
@@ -100,8 +100,8 @@ def check_mission(
 
 
 def _bench(mission: MissionFile, workspace: Workspace, name: str) -> ModuleBench | tuple[Certainty, str]:
-    """Return what a module that nothing is proved of is tried on; or what is said of P2 without a trial."""
-    # A rule may be about several robots, and whether it is, only the user's module knows.
+    """Return the bench for an unproved module, or the verdict on P2 and its text if there is no trial."""
+    # Only the user's module knows whether its rule is about several robots.
     robots = min(len(workspace.robots), TRIED_ROBOTS)
     if name == COLLISION and robots < 2:
         return Certainty.PROVED, "there is no second robot"

@@ -1,4 +1,4 @@
-"""Gathers what supervisors log about nodes that fail, for runs of code that may well fail a thousand times."""
+"""Collects supervisors' log messages about failed nodes, for trials in which nodes may fail a thousand times."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from soter.errors import account_of
 
 
 class Collector(logging.Handler):
-    """Keeps what the supervisor logs about nodes that fail, instead of printing it a thousand times."""
+    """A log handler that keeps messages about failed nodes instead of printing them."""
 
     def __init__(self) -> None:
         super().__init__(logging.ERROR)
@@ -23,7 +23,7 @@ class Collector(logging.Handler):
 
 @contextmanager
 def failures_of_nodes() -> Iterator[Sequence[str]]:
-    """Collect failures of the code under test for as long as a trial lasts."""
+    """Collect the failures of nodes while the context lasts."""
     logger, collector = logging.getLogger("soter.rta.supervisor"), Collector()
     propagates, logger.propagate = logger.propagate, False
     logger.addHandler(collector)

@@ -1,8 +1,8 @@
-"""P2 of the shipped modules: what can be proved of them from a workspace and from what robots promise, in milliseconds.
+"""Proves P2 of the shipped modules from a workspace and from what robots promise, in milliseconds.
 
-No state has to be looked at. Every motion of a safe controller is certified when it is made, from wherever the robot is
-(docs/assurance.md); the decision modules leave it where it can move; and it has a return path from there by
-construction. What is left is whether the figures allow that at all, and how much it takes.
+No states have to be enumerated. Every motion of a safe controller is certified when it is made, wherever the robot is
+(docs/assurance.md); decision modules fire while the robot can still move; and it has a return path by construction.
+What is left to prove is that the figures allow all this, and how long it takes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from soter.stack.right_of_way import BATTERY, COLLISION
 from soter.stack.terrain import length_m
 
 _LOOKS: Final = 20
-"""Return paths are looked at from so many places along the room, and across it."""
+"""Number of places along the room, and across it, from which return paths are checked."""
 
 _ORDER: Final = (Certainty.PROVED, Certainty.TESTED, Certainty.ASSUMED, Certainty.PARTLY, Certainty.REJECTED)
 
@@ -35,11 +35,11 @@ _ORDER: Final = (Certainty.PROVED, Certainty.TESTED, Certainty.ASSUMED, Certaint
 def prove(
     mission: MissionFile, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
 ) -> list[Finding]:
-    """Return P2a and P2b of the static modules and of the battery's, each for the robot that is worst off.
+    """Return the findings about P2a and P2b of the static modules and the battery's, each for the worst robot.
 
     Args:
         mission: its `rta` and `battery` tables.
-        declared: the modules, by robot id, well-formed.
+        declared: the modules, well-formed, by robot id.
         capabilities: what the robots promise, by id.
     """
     provers = {OBSTACLE: _retreat, GEOFENCE: _retreat, BATTERY: _way_home}
@@ -57,9 +57,9 @@ def prove(
 
 
 def _crowded(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
-    """Return P2b of the collision module where not all robots can be with their ACs at once; nothing where they can.
+    """Return a finding about P2b of the collision module if refuges are too few for all robots at once; else none.
 
-    Where every place is taken nobody can get past anybody, so that there has to be one more than robots.
+    There has to be one place more than robots: if every place is taken, no robot can get past another.
     """
     others = len(next(iter(declared.values())).others)
     if COLLISION not in mission.rta.order or not others:
@@ -85,11 +85,11 @@ def _crowded(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Fin
 
 
 def _blocked(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
-    """Return what robots without the collision module, which has them make way for each other, do not keep."""
+    """Return findings for several robots without the collision module, which makes them make way for each other."""
     others = len(next(iter(declared.values())).others)
     if COLLISION in mission.rta.order or not mission.rta.order or not others:
         return []
-    # On the way to a station the battery's rule itself breaks; elsewhere the robot stands.
+    # On the way to a station the battery's rule itself would break; otherwise the robot only stands.
     name, condition = (BATTERY, "P2a") if BATTERY in mission.rta.order else (mission.rta.order[-1], "P2b")
     text = (
         "without the module 'collision' no robot makes way, and a body that stands on a return path blocks it for ever "
@@ -99,7 +99,7 @@ def _blocked(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Fin
 
 
 def _forbidden(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Finding]:
-    """Return which rules of the user's own a return path leads through, so that a robot could wait there until flat."""
+    """Return findings for user rules that a return path breaks, where a robot could wait until it is flat."""
     if BATTERY not in mission.rta.order:
         return []
     found = []
@@ -168,7 +168,7 @@ def _way_home(mission: MissionFile, made: Declared, promised: Capabilities, modu
     battery, dock, robot_id = mission.battery, made.dock, made.place.id
     legs, leg_s, part = dock.path.most_legs, _leg_s(mission, promised), _grip(mission, made)
     longest_s = dock.longest_m / promised.v_max_m_s
-    # What driving at the declared speed does not account for: coming to rest and turning at every corner, and slip.
+    # Beyond driving at the declared speed: coming to rest and turning at every corner, and wheel slip.
     extra = (legs * leg_s / part + longest_s * (1.0 / part - 1.0)) / battery.drive_s
     home_s = (legs * leg_s + longest_s) / part
     figures = {"longest_m": dock.longest_m, "legs": legs, "extra": extra, "reserve": module.keep}
@@ -181,7 +181,7 @@ def _way_home(mission: MissionFile, made: Declared, promised: Capabilities, modu
             f"than the reserve of {100 * module.keep:.2f} %; reserve_factor = {factor:g} would do"
         )
         return [Finding(BATTERY, "P2a", Certainty.REJECTED, text, figures)]
-    # Where others are in the way from the very beginning, the whole reserve is what waiting for them takes.
+    # If others may be in the way from the very beginning, waiting for them takes the whole reserve.
     if short := _starts_low(mission, made, promised, module.keep if made.others else extra):
         return [short]
     others = len(made.others)
@@ -201,7 +201,7 @@ def _way_home(mission: MissionFile, made: Declared, promised: Capabilities, modu
 
 
 def _premise(made: Declared, name: str, promised: Capabilities) -> Finding | None:
-    """Return why nothing can be built on what a robot promises, or None."""
+    """Return why a robot's promises cannot support a proof, or None."""
     if promised.overshoot_m <= promised.tube_m:
         return None
     text = (
@@ -218,14 +218,14 @@ def _start_s(mission: MissionFile, promised: Capabilities) -> float:
 
 
 def _leg_s(mission: MissionFile, promised: Capabilities) -> float:
-    """Return how much longer a leg takes than its length at the declared speed: to stop, look, turn, and speed up."""
+    """Return the time of a leg beyond driving its length at the declared speed: to stop, look, turn, speed up."""
     v_max_m_s, accel_m_s2 = promised.v_max_m_s, promised.accel_m_s2
     speed_up_s = v_max_m_s / promised.brake_m_s2
     return _start_s(mission, promised) + max(speed_up_s, v_max_m_s / (2.0 * accel_m_s2) if accel_m_s2 else 0.0)
 
 
 def _grip(mission: MissionFile, made: Declared) -> float:
-    """Return the part of a robot's speed that is left by the wheel slip that it is declared to have."""
+    """Return the part of a robot's speed that its declared wheel slip leaves."""
     return math.prod(
         min(table.options.left, table.options.right)
         for table in read_faults(mission, [each.id for each in (made.place, *made.others)])
@@ -234,7 +234,7 @@ def _grip(mission: MissionFile, made: Declared) -> float:
 
 
 def _starts_low(mission: MissionFile, made: Declared, promised: Capabilities, reserve: float) -> Finding | None:
-    """Return that a robot whose first charge the mission decides cannot pay for its way home with it, or None."""
+    """Return a finding if the initial charge that the mission gives a robot cannot pay for its return path, or None."""
     place, dock = made.place, made.dock
     charge = mission.initial_charge(place.id)
     way_m = dock.path.shortest_m(place.x_m, place.y_m) + DETOUR_M

@@ -1,4 +1,4 @@
-"""Simulated robots that stand in for those of a mission in trials: they promise what those promise, and no more."""
+"""Simulated stand-ins for a mission's robots in trials, which promise what those promise, and no more."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _BOTH = ("reverses", "reports_battery", "reports_controller", "pivots_first")
 
 
 def stand_ins(mission: MissionFile, workspace: Workspace, robot: Capabilities) -> dict[int, Capabilities]:
-    """Return what simulated robots are asked to promise, by id, so that they do as a mission's own robots promise.
+    """Return the promises for simulated robots that stand in for a mission's robots, by id.
 
-    They are built like those, and promise of the rest what is worse of their own figures and of the mission's robots'.
+    The stand-ins are built like the mission's robots; each other figure is the worse of theirs and those robots'.
 
     Raises:
-        ConfigError: an option of the backend that is not allowed.
+        ConfigError: the backend does not allow an option.
         BackendError: the mission's backend cannot be loaded.
     """
     backend = load_backend(mission.backend, to_open=False)
@@ -45,12 +45,12 @@ def _worse(promise: Capabilities, robot: Capabilities) -> Capabilities:
 
 
 def declared_faults(mission: MissionFile, workspace: Workspace) -> Sequence[FaultTable]:
-    """Return the faults of a mission that are part of its robots' promises.
+    """Return the faults of a mission that its robots' promises allow for.
 
-    Those that are not declared are left out: a trial is about robots that keep their promises.
+    Undeclared faults are left out: a trial is about robots that keep their promises.
 
     Raises:
-        ConfigError: a fault that is not allowed.
+        ConfigError: a fault is not allowed.
     """
     faults = read_faults(mission, [place.id for place in workspace.robots])
     return [table for table in faults if table.options.declared]

@@ -24,14 +24,14 @@ OBLIGATIONS: Final = ("P1a", "P1b", "P2a", "P2b", "P3", "model")
 class ModuleSuite:
     """One test for each obligation of a module.
 
-    The trials are made once for a class. What is ASSUMED fails: a suite that tests nothing must not look like one that
-    passes. A module given by predicates says so in `assumed`.
+    The trials are run once per class. An ASSUMED obligation fails: a suite that tests nothing must not look like one
+    that passes. For a module given by predicates, list such obligations in `assumed`.
 
     Attributes:
-        subject: makes what is tried, such as `soter.check.bench.floor_bench` with its arguments.
-        budget: trials, at most.
-        seed: everything random is drawn from it.
-        assumed: obligations that are the author's word.
+        subject: makes the module under test, such as `soter.check.bench.floor_bench` with its arguments.
+        budget: largest number of trials.
+        seed: seed of all random numbers.
+        assumed: obligations that may rest on the author's word.
     """
 
     subject: ClassVar[Callable[[], TriedModule]]
@@ -42,12 +42,12 @@ class ModuleSuite:
     _found: ClassVar[dict[str, Finding] | None] = None
 
     def pytest_generate_tests(self, metafunc: Any) -> None:
-        """Make a test of every obligation (pytest calls this on the class)."""
+        """Make one test per obligation (pytest calls this on the class)."""
         if "obligation" in metafunc.fixturenames:
             metafunc.parametrize("obligation", OBLIGATIONS)
 
     def test_obligation(self, obligation: str) -> None:
-        """Look at one obligation."""
+        """Fail unless the obligation is proved, tested, or listed in `assumed`."""
         found = self._findings().get(obligation)
         if found is None:
             raise AssertionError(f"{obligation}: not looked at, because an earlier condition is rejected")
@@ -57,7 +57,7 @@ class ModuleSuite:
 
     @classmethod
     def _findings(cls) -> dict[str, Finding]:
-        """Return what is known about every obligation; worked out at the first test of the class."""
+        """Return the finding about every obligation; computed at the first test of the class."""
         if "_found" not in cls.__dict__ or cls._found is None:
             subject = cls.subject()
             found = {each.condition: each for each in conditions(subject.module, subject.timing, subject.base_tick_s)}

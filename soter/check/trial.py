@@ -1,6 +1,6 @@
-"""What one try at breaking a module yields, and what can be tried: the seam to what runs the robots.
+"""Trials that try to break a module: their results, and the interface of modules that can be tried.
 
-A counterexample is kept as a file: what was tried, where it broke, and what happened tick by tick.
+A counterexample is kept as a file: the point that was tried, where the module broke, and what happened at every tick.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from soter.rta import RTAModule, Timing
 
 
 class Obligation(Enum):
-    """What a trial can break."""
+    """An obligation that a trial can break."""
 
     P2A = "P2a"
     P2B = "P2b"
@@ -29,7 +29,7 @@ class Obligation(Enum):
 
     @property
     def statement(self) -> str:
-        """What it promises, in words."""
+        """The obligation in words."""
         return {
             Obligation.P2A: "under the safe controller, from phi_safe, the robot stays in phi_safe",
             Obligation.P2B: "under the safe controller it gets to where it stays in phi_safer for a whole Delta",
@@ -38,16 +38,16 @@ class Obligation(Enum):
 
 
 class TrialRow(NamedTuple):
-    """One robot at one tick of a trial, as ground truth has it.
+    """One robot at one tick of a trial, by ground truth.
 
     Attributes:
-        time_s: since the start.
-        robot_id: which robot.
+        time_s: time since the start.
+        robot_id: the robot.
         x_m: east.
         y_m: north.
         heading_rad: counter-clockwise from east.
         battery: charge from 0 to 1, or None.
-        margin: of phi_safe, from the true pose; NaN for a robot or module that has none.
+        margin: margin of phi_safe at the true pose; NaN for a robot or module without one.
         driver: the module that drives, or "AC".
     """
 
@@ -65,11 +65,11 @@ class BrokenObligation(NamedTuple):
     """An obligation that a trial broke, and where.
 
     Attributes:
-        obligation: which.
+        obligation: the obligation.
         time_s: when it was broken; for P2b when patience ran out.
-        robot_id: whose module.
+        robot_id: the module's robot.
         x_m: where the robot was then, east.
-        y_m: the same, north.
+        y_m: where the robot was then, north.
         text: what happened, with the numbers.
     """
 
@@ -83,19 +83,19 @@ class BrokenObligation(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One try.
+    """The result of one trial.
 
     Attributes:
         valid: whether it began inside phi_safe; one that did not says nothing.
-        least_margin: the least true margin of phi_safe; infinite where there is no region to ask.
-        return_s: time under the safe controller until the module gave the robot back; NaN if that did not come to be
-            asked, infinite if it did not come back in time.
-        spare: what is left of the patience, less than 0 by how far phi_safer was still away; the score of P2b.
+        least_margin: the least true margin of phi_safe; infinite without a region.
+        return_s: time under the safe controller until the module gave the robot back; NaN if it was never taken,
+            infinite if it was not given back in time.
+        spare: the patience that was left; if none was, minus how far phi_safer was still away. The score of P2b.
         surprises: looks at which the margin had fallen by more than the module's model allows, or at which an
-            assumption did not hold.
-        breaches: what was broken, in the order of time.
-        rows: what happened, tick by tick.
-        unfit: the first assumption that did not hold, in words; empty if all did.
+            assumption failed.
+        breaches: the obligations that were broken, in order of time.
+        rows: what happened at every tick.
+        unfit: the first assumption that failed, in words; empty if none did.
     """
 
     valid: bool
@@ -108,7 +108,7 @@ class Attempt:
     unfit: str = ""
 
     def score(self, obligation: Obligation) -> float:
-        """Return how far the trial is from breaking an obligation; negative where it broke it."""
+        """Return how far the trial was from breaking an obligation; negative if it broke it."""
         broken = any(each.obligation is obligation for each in self.breaches)
         if not self.valid:
             return math.inf
@@ -118,7 +118,7 @@ class Attempt:
 
 
 class TriedModule(Protocol):
-    """A module bound to robots, a world and an adversarial AC; every point of a unit cube is a way to try it."""
+    """A module bound to robots, a world and an adversarial AC; every point of a unit cube is one trial."""
 
     @property
     def module(self) -> RTAModule:
@@ -126,7 +126,7 @@ class TriedModule(Protocol):
 
     @property
     def timing(self) -> Timing:
-        """What its robot adds to every horizon."""
+        """What the robot adds to every horizon."""
 
     @property
     def base_tick_s(self) -> float:
@@ -134,28 +134,28 @@ class TriedModule(Protocol):
 
     @property
     def dimensions(self) -> int:
-        """How many coordinates a point has."""
+        """Number of coordinates of a point."""
 
     @property
     def patience_s(self) -> float:
         """How long the safe controller may take to get back to phi_safer."""
 
     def run(self, vector: Sequence[float]) -> Attempt:
-        """Try one point: initial states and the AC's commands are read from it. The same point, the same trial."""
+        """Try one point, which decides initial states and the AC's commands. Equal points give equal trials."""
 
 
 _TRACE_EVERY: Final = 5
 
 
 class _Header(msgspec.Struct):
-    """What a counterexample's file begins with."""
+    """The beginning of a counterexample's file."""
 
     format: Literal["soter-counterexample"]
     version: Literal[1]
 
 
 class Counterexample(msgspec.Struct, frozen=True):
-    """What it takes to break a module again: the subject, as its maker tells it, and the point of the search."""
+    """All that is needed to break a module again: the subject, as its maker describes it, and the point tried."""
 
     subject: dict[str, Any]
     obligation: Obligation
@@ -165,7 +165,7 @@ class Counterexample(msgspec.Struct, frozen=True):
     trace_sha256: str
 
     def as_json(self, rows: Sequence[TrialRow] = ()) -> str:
-        """Return the content of its file; the rows are for people, a replay makes them anew."""
+        """Return the content of its file; the rows are for people to read, and a replay computes them again."""
         content = msgspec.to_builtins(_Header("soter-counterexample", 1)) | msgspec.to_builtins(self)
         content["trace"] = [row._asdict() for row in rows[::_TRACE_EVERY]]
         return msgspec.json.format(msgspec.json.encode(content), indent=1).decode()
@@ -180,7 +180,7 @@ def read_counterexample(path: Path) -> Counterexample:
     """Read a counterexample's file.
 
     Raises:
-        ConfigError: it is none, or of a version that this one does not read.
+        ConfigError: the file is no counterexample, or of an unknown version.
     """
 
     def refused(message: str) -> ConfigError:

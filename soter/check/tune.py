@@ -1,4 +1,4 @@
-"""The least restrictive numbers of a mission's safety modules that are well-formed on its robots."""
+"""Finds the least restrictive numbers with which a mission's safety modules are well-formed on its robots."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
 from soter.stack.right_of_way import BATTERY, COLLISION
 
 SAFER: Final = {COLLISION: "phi_safer_m", OBSTACLE: "phi_safer_m", GEOFENCE: "phi_safer_inset_m"}
-"""By module that keeps a distance, the key that says how far away phi_safer is."""
+"""By module that keeps a distance, the key of the distance of phi_safer."""
 
 MOST_TICKS: Final = 40
-"""No Delta longer than so many base ticks is looked at: where none is well-formed up to then, longer ones are not."""
+"""Longest Delta that is tried, in base ticks: if none up to it is well-formed, longer ones are not."""
 
 _TRADE: Final = (2, 4)
-"""Multiples of the shortest Delta that are shown beside it, and fallen back upon."""
+"""Multiples of the shortest Delta that are shown beside it, and used if it does not fit."""
 
 _HEADINGS: Final = 8
 _FAR_M: Final = 1000.0
 _STEP: Final = 1000
-"""Numbers are rounded up to a part in so many: millimetres, and tenths of a percent of a charge."""
+"""Numbers are rounded up to one part in this many: to millimetres, and tenths of a percent of a charge."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Numbers of one module, and what they cost on the robot that is worst off.
+    """Numbers of one module, and their cost on the robot with the highest.
 
     Attributes:
-        module: which.
+        module: the module's name.
         delta_s: its Delta.
         model: its reach model; empty for the battery.
-        phi_safer: what the mission file says: metres, or a charge from 0 to 1.
+        phi_safer: the value in the mission file: metres, or a charge from 0 to 1.
         reach: R(H), the most that the margin can fall, in the margin's unit.
-        usual: how far it falls on average over the ways in which a robot may move: what the AC loses control at.
-        needed: what P3 asks for at the edge of phi_safer: R(H), the noise, and what is kept for the safe controller.
-        why_not: why it is ill-formed, or empty.
-        would_do_s: the Delta that would do, where that is why; 0 where it is not, or not known.
+        usual: how far the margin can fall on average over a robot's motions: where the AC usually loses control.
+        needed: margin that P3 needs at the edge of phi_safer: R(H), the noise, and `keep` of the safe controller.
+        why_not: why the module is ill-formed, or empty.
+        would_do_s: the Delta that would do, if Delta is the reason; 0 if not, or not known.
     """
 
     module: str
@@ -63,7 +63,7 @@ class Choice:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The keys of the module's table."""
+        """The keys of the module's table, with these numbers."""
         if self.module == BATTERY:
             return {"delta_s": self.delta_s, "phi_safer": self.phi_safer}
         return {"delta_s": self.delta_s, SAFER[self.module]: self.phi_safer, "model": self.model}
@@ -71,14 +71,14 @@ class Choice:
 
 @dataclass(frozen=True)
 class Tuning:
-    """What was found for a mission.
+    """The numbers found for a mission.
 
     Attributes:
-        mission: the mission with what was found.
+        mission: the mission with the numbers found.
         today: by module, the numbers that the mission has.
-        found: by module, those that are the least restrictive.
-        trade: by module, all well-formed ones that were looked at, the least restrictive first.
-        refused: why `soter run` would refuse the mission with what was found; empty if it would not.
+        found: by module, the least restrictive numbers.
+        trade: by module, all well-formed numbers that were tried, the least restrictive first.
+        refused: why `soter run` would refuse the mission with the numbers found; empty if it would not.
     """
 
     mission: MissionFile
@@ -88,24 +88,23 @@ class Tuning:
     refused: Sequence[Finding] = ()
 
     def tables(self) -> dict[str, Any]:
-        """Return `[rta.MODULE]` of every module that was looked at, all keys at once."""
+        """Return `[rta.MODULE]` of every tuned module, with all keys."""
         rta = self.mission.rta
         return {"rta": {name: getattr(rta, name).model_dump(mode="json") for name in self.found}}
 
     def changes(self) -> dict[str, Any]:
-        """Return the mission's table of modules, as far as it was given, with what was found."""
+        """Return the mission's own tables of modules, with the numbers found."""
         given = self.mission.model_dump(mode="json", exclude_unset=True, exclude_none=True, include={"rta"})
         return {"rta": {**given.get("rta", {}), **self.tables()["rta"]}}
 
 
 def tune(mission: MissionFile) -> Tuning:
-    """Find the least restrictive numbers with which a mission is admitted, on robots as its backend declares them.
+    """Find the least restrictive numbers with which a mission is admitted, on robots with their backend's promises.
 
-    Delta, model and phi_safer of the modules that keep distances are found, the first ones because a shorter horizon
-    is less to lose, the last one because P3 asks for no more; of two robots by a body more, so that one of them gets
-    past the other before it is taken again. Nothing that is proved depends on how long a module waits
-    before it gives back, nor on how much charge a robot goes on with: the dwell and the battery's numbers weigh one
-    delay against another, and are left alone, but for a battery that is ill-formed.
+    It finds Delta, model and phi_safer of the modules that keep distances: Delta and model because the margin can fall
+    less within a shorter horizon, phi_safer because P3 asks for no more. For two robots phi_safer is a body's width
+    larger, so that one gets past the other before it is taken again. No proof depends on the dwell or on the charge at
+    which robots go on; these trade one delay for another and are kept, except for a battery that is ill-formed.
 
     Raises:
         ConfigError: bad input.
@@ -116,22 +115,22 @@ def tune(mission: MissionFile) -> Tuning:
     if not mission.rta.order:
         raise mission.refusal("rta", "no module is on, so that there is nothing to tune")
     tuning = tune_for(mission, workspace, capabilities)
-    # A phi_safer that was too near may now ask for more room around starts and stations than there is.
+    # A phi_safer that was too small may now need more room around starts and stations than there is.
     if not tuning.refused:
         promises_of(tuning.mission, tuning.mission.read_workspace())
     return tuning
 
 
 def tune_for(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Tuning:
-    """`tune` for given promises, by robot id."""
+    """Return `tune` for given promises, by robot id."""
     return _Search(mission, workspace, capabilities).tuning()
 
 
 def what_would_do(mission: MissionFile) -> Tuning:
-    """`tune`, after first raising the collision separation if no value would do.
+    """Return `tune`, after raising the collision separation if no numbers would do otherwise.
 
     Raises:
-        ConfigError: bad input, or numbers that would do do not fit in the workspace.
+        ConfigError: bad input, or the numbers that would do do not fit in the workspace.
         BackendError: the mission's backend cannot be loaded.
     """
     workspace = mission.read_workspace()
@@ -139,11 +138,11 @@ def what_would_do(mission: MissionFile) -> Tuning:
 
 
 def _apart(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> MissionFile:
-    """Return the mission with its robots so far apart that legs of their safe controllers are short beside that."""
+    """Return the mission with a separation large enough for the legs of its robots' safe controllers."""
     collision = mission.rta.collision
     if COLLISION not in mission.rta.order:
         return mission
-    # What P3 asks for is found later.
+    # The phi_safer that P3 needs is found later.
     far = _separated(mission, collision.phi_safe_m, collision.phi_safe_m + _FAR_M)
     try:
         for made in declare_all(far, workspace, capabilities).values():
@@ -162,24 +161,24 @@ def _separated(mission: MissionFile, safe_m: float, safer_m: float) -> MissionFi
 
 
 def changed(mission: MissionFile, choices: Iterable[Choice]) -> MissionFile:
-    """Return a mission with other numbers."""
+    """Return the mission with these numbers in it."""
     rta = mission.rta
     tables = {each.module: getattr(rta, each.module).model_copy(update=each.settings) for each in choices}
     return mission.model_copy(update={"rta": rta.model_copy(update=tables)})
 
 
 class _Search:
-    """One search, for robots that promise so much."""
+    """One search, for robots with given promises."""
 
     def __init__(self, mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> None:
         self._mission, self._workspace, self._capabilities = mission, workspace, capabilities
         self._names: Final = [name for name in mission.rta.order if name in SAFER]
-        # Robots that are given back as soon as P3 allows it are taken again at the next move towards each other.
+        # Robots given back as soon as P3 allows would be taken again at their next move towards each other.
         self._parted_m: Final = 2.0 * max(each.body_radius_m for each in capabilities.values())
         self._known: dict[tuple[int, MotionModel], Mapping[str, Choice]] = {}
 
     def tuning(self) -> Tuning:
-        """Take the best of every module; where they are not admitted together, the next best of the one in the way."""
+        """Return the best numbers of all modules; if they are refused, try the next best of the module at fault."""
         trade = {name: self._ranked(name) for name in self._names}
         left = {name: [*choices] for name, choices in trade.items() if choices}
         while True:
@@ -197,7 +196,7 @@ class _Search:
     def _ranked(self, name: str) -> list[Choice]:
         """Return the well-formed numbers of a module, the least restrictive first.
 
-        That is where the AC loses control last, on average; and of two that are alike, where it is given back first.
+        With these the AC loses control last, on average; of equal ones, with these it gets control back first.
         """
         found = [each for model in get_args(MotionModel) for each in self._of_model(name, model)]
         return sorted(found, key=lambda each: (each.usual, each.needed, each.delta_s))
@@ -213,19 +212,19 @@ class _Search:
                 yield from (each for each in (shortest, *longer) if each is not None and not each.why_not)
                 return
             wanted = math.ceil(shortest.would_do_s / self._mission.base_tick_s - 1e-6)
-            # What is refused in the same words at another Delta has nothing to do with Delta, unless it says so.
+            # A refusal in the same words at another Delta is not about Delta, unless it says so.
             if wanted <= ticks and shortest.why_not == why_not:
                 return
             why_not, ticks = shortest.why_not, max(ticks + 1, wanted)
 
     def _least(self, ticks: int, model: MotionModel) -> Mapping[str, Choice]:
-        """Return a Delta and a model with the least phi_safer, by module; none if the robots do not promise enough."""
+        """Return choices of a Delta and a model with the least phi_safer, by module; none if robots promise less."""
         if (ticks, model) not in self._known:
             self._known[ticks, model] = self._found(round(ticks * self._mission.base_tick_s, 9), model)
         return self._known[ticks, model]
 
     def _found(self, delta_s: float, model: MotionModel) -> Mapping[str, Choice]:
-        # All modules at once: what one of them asks for does not depend on the others' numbers.
+        # All modules at once: what one of them needs does not depend on the others' numbers.
         trials = [Choice(name, delta_s, model, self._now(name, SAFER[name])) for name in self._names]
         try:
             declared = self._declared(trials).values()
@@ -235,7 +234,7 @@ class _Search:
         for trial in trials:
             asked = [_asked(made.module(trial.module), made.timing) for made in declared]
             safe_m = self._now(trial.module, "phi_safe_m") if trial.module != GEOFENCE else 0.0
-            # What is kept for the safe controller the obstacle module adds to its phi_safer by itself.
+            # The obstacle module itself adds what its safe controller needs to phi_safer.
             safe_m += self._parted_m if trial.module == COLLISION else 0.0
             least.append(replace(trial, phi_safer=_up(safe_m + max(asked_m - kept_m for asked_m, kept_m in asked))))
             most.append(replace(trial, phi_safer=_up(safe_m + max(asked)[0])))
@@ -257,7 +256,7 @@ class _Search:
             return replace(choice, why_not=_reason(failure))
 
     def _battery(self, others: Iterable[Choice]) -> dict[str, Choice]:
-        """Return the battery's numbers: the mission's, with the least phi_safer that P3 allows if it has less."""
+        """Return the battery's numbers: the mission's, with phi_safer raised to the least that P3 allows."""
         if BATTERY not in self._mission.rta.order:
             return {}
         delta_s, phi_safer = self._now(BATTERY, "delta_s"), self._now(BATTERY, "phi_safer")
@@ -270,7 +269,7 @@ class _Search:
         return declare_all(changed(self._mission, choices), self._workspace, self._capabilities)
 
     def _costs(self, choices: Sequence[Choice]) -> list[Choice]:
-        """Return numbers with what they cost on the robot that is worst off, and why any are ill-formed."""
+        """Return choices with their costs on the robot with the highest, and why any are ill-formed."""
         declared = self._declared(choices)
         return [self._cost(choice, declared) for choice in choices]
 
@@ -282,7 +281,7 @@ class _Search:
             horizon_s, (asked, _) = module.horizon_s(timing), _asked(module, timing)
             reach = module.model.bound(horizon_s)
             usual = _usual(module.model, horizon_s, self._capabilities[robot_id].v_max_m_s)
-            # The battery's phi_safer is a charge, of which the longest way home is taken first.
+            # The battery's phi_safer is a charge that first has to pay for the longest return path.
             way = choice.phi_safer - module.edge_margin() if choice.module == BATTERY else 0.0
             costs.append((reach, usual + asked - reach, asked + way))
             try:
@@ -295,7 +294,7 @@ class _Search:
 
 
 def _asked(module: RTAModule, timing: Timing) -> tuple[float, float]:
-    """Return what P3 asks for at the edge of phi_safer, and how much of it is kept for the safe controller."""
+    """Return the margin that P3 needs at the edge of phi_safer, and the part of it kept for the safe controller."""
     assert module.model is not None
     assert module.phi_safe is not None
     noise = module.phi_safe.noise(timing.noise_m)
@@ -311,7 +310,7 @@ def _up(value: float) -> float:
 
 
 def _usual(model: ReachModel, horizon_s: float, v_max_m_s: float) -> float:
-    """Return the mean of what a margin falls by: over headings, at rest, at half and at top speed."""
+    """Return the mean fall of a margin: over headings, at rest, at half and at top speed."""
     if isinstance(model, DirectedReach):
         own = _extents(model.own, horizon_s, v_max_m_s)
         if model.other is None:
@@ -325,7 +324,7 @@ def _usual(model: ReachModel, horizon_s: float, v_max_m_s: float) -> float:
 
 
 def _extents(motion: Motion, horizon_s: float, v_max_m_s: float) -> list[float]:
-    """Return how far a robot gets towards the east, for each way in which it may move."""
+    """Return how far a robot gets towards the east, for each of its sampled motions."""
     ways = product((0.0, v_max_m_s / 2.0, v_max_m_s), range(_HEADINGS))
     return [motion.extent(_moving(speed, math.tau * turn / _HEADINGS), horizon_s, 1.0, 0.0) for speed, turn in ways]
 

@@ -1,8 +1,8 @@
-"""Judges the rules of a user's own modules by ground truth, where the world knows nothing of them.
+"""Judges the rules of a user's own modules by ground truth, since the world does not know them.
 
-A world judges its own four rules at its own rate. What a user's rule is, only its region can say; so this module asks
-that region, but about where the robots really are: true poses, read once a tick, and speeds that are the way between
-two of them divided by the time. What the robots report, and what the decision modules made of it, is not used.
+A world judges its own four rules at its own rate. A user's rule is only defined by its region, so this module evaluates
+that region at the robots' true poses, read once a tick, and at speeds from two poses and the time between them. It uses
+neither what the robots report nor what the decision modules concluded.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ logger = logging.getLogger(__name__)
 
 
 class UserRules:
-    """Looks at the truth after every tick.
+    """Judges users' rules by the truth after every tick.
 
     Args:
-        truth: of the world.
-        modules: the user's declarations, by robot id; one that gives no region cannot be judged.
+        truth: the world's ground truth.
+        modules: the user's declarations, by robot id; those without a region cannot be judged.
 
     Attributes:
-        names: those that are judged.
+        names: the names of the rules that are judged.
         min_margin: the least margin so far, by name.
         margin: the margin at the last look, by robot id and name.
     """
@@ -55,7 +55,7 @@ class UserRules:
 
         Args:
             now_s: fleet time.
-            robots: their supervisors, asked for what truth does not tell: the charge.
+            robots: their supervisors, for the charge, which truth does not have.
         """
         if not self._rules:
             return
@@ -76,7 +76,7 @@ class UserRules:
             self._judge(robot_id, name, self._margin(name, region, situation), now_s)
 
     def violations(self) -> tuple[Violation, ...]:
-        """Return every interval in which a rule was broken; one that goes on has no end."""
+        """Return every interval in which a rule was broken; an interval that goes on has no end."""
         going_on = [Violation(name, (robot_id,), began_s, None) for (name, robot_id), began_s in self._open.items()]
         return (*self._closed, *going_on)
 
@@ -86,7 +86,7 @@ class UserRules:
         return {name: sum(each.rule == name for each in found) for name in self.names}
 
     def _margin(self, name: str, region: Region, situation: Situation) -> float:
-        """Return what the region says; no number where it fails, for a rule that cannot be judged is not kept."""
+        """Return the region's margin; NaN, which counts as broken, if it raises."""
         try:
             return plain(region.margin(situation))
         except KeyboardInterrupt:
@@ -100,7 +100,7 @@ class UserRules:
     def _judge(self, robot_id: int, name: str, margin: float, now_s: float) -> None:
         self.margin[robot_id, name] = margin
         self.min_margin[name] = min(self.min_margin.get(name, math.inf), margin)
-        # Written so that a margin that is not a number counts as broken.
+        # Written so that NaN counts as broken.
         if not margin >= 0.0:
             self._open.setdefault((name, robot_id), now_s)
         elif (began_s := self._open.pop((name, robot_id), None)) is not None:
