@@ -1,4 +1,4 @@
-"""Advanced controllers in place of a mission's machines: users' own, and adversaries. None of them is trusted."""
+"""Advanced controllers in place of a mission's machines: users' own, and adversaries. All are untrusted."""
 
 from soter.controllers.base import Arena, Controller
 from soter.controllers.names import ADVERSARIES, MISSION, PREFIX, build, controller_class

@@ -15,7 +15,7 @@ from soter.loading import described, file_of, known_target, load_class
 from soter.problems import dotted
 
 MISSION: Final = "mission"
-"""What a mission's `ac` says when its own machines are the ACs."""
+"""Value of a mission's `ac` if its own machines are the ACs."""
 
 PREFIX: Final = "adversary:"
 
@@ -31,21 +31,21 @@ ADVERSARIES: Final[Mapping[str, str]] = {
     "frozen": "soter.controllers.adversaries.nonsense:Frozen",
     "raises": "soter.controllers.adversaries.nonsense:Raises",
 }
-"""The adversaries of this distribution."""
+"""The shipped adversaries."""
 
 
 def controller_class(mission: MissionFile) -> type[Controller]:
-    """Import and return the class that a mission's `ac` names; it is not `MISSION`.
+    """Import and return the class that a mission's `ac`, which is not `MISSION`, names.
 
     Raises:
-        ConfigError: there is none of that name, or what is there is no controller.
+        ConfigError: there is no class of that name, or it is no controller.
     """
     name, does = mission.ac, mission.mission.use
 
     def refused(message: str) -> ConfigError:
         return mission.refusal("ac", message)
 
-    # The command line may put a controller in place of the mission of a file.
+    # On the command line a controller may replace the mission of a file.
     given = {key[0] for key in mission.overridden}
     if does != SURVEILLANCE and not ("ac" in given and "mission" not in given):
         raise refused(f"it is '{name}', but mission '{does}' commands the robots itself; allowed with it: '{MISSION}'")
@@ -63,18 +63,18 @@ def controller_class(mission: MissionFile) -> type[Controller]:
 def build(
     mission: MissionFile, robot_ids: Collection[int], elsewhere: Collection[int] = ()
 ) -> dict[tuple[int, ...], Controller]:
-    """Return the controllers that a mission's `ac` names, with the options of its table, by the robots that each has.
+    """Make the controllers that a mission's `ac` names, with the options of its table; return them by their robots.
 
-    The options of an adversary stand in `[adversaries.NAME]`, those of any other class in `[controllers.CLASS]`.
+    The options of an adversary are in `[adversaries.NAME]`, those of any other class in `[controllers.CLASS]`.
 
     Args:
-        mission: see there.
-        robot_ids: the robots that are driven from here.
-        elsewhere: those that other processes of the mission drive.
+        mission: the mission.
+        robot_ids: the robots that this process drives.
+        elsewhere: the robots that other processes of the mission drive.
 
     Raises:
-        ConfigError: see `controller_class`; an option is unknown or not allowed; a table is for no class that there
-            is; one cannot be made; or one that has to drive all robots would drive those that are here only.
+        ConfigError: see `controller_class`; an option is unknown or not allowed; a table is for an unknown class; a
+            controller cannot be made; or one that has to drive all robots would only drive those of this process.
     """
     found, name = controller_class(mission), mission.ac
     if elsewhere and found.fleet and not found.per_process:

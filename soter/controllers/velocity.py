@@ -1,4 +1,4 @@
-"""Controllers that say how fast to go and to turn, as learned policies and most control laws do."""
+"""Controllers that return velocities, as learned policies and most control laws do."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from soter.sdk import RobotState, Waypoint
 class VelocityController(Controller, ABC):
     """A controller that returns velocities. They become short goals, which any robot can follow.
 
-    What is followed how well is said by `soter.controllers.VelocityTracker`, the one component that makes the goals:
-    forwards, backwards where the robot can, turn rates in place up to the robot's own and while driving up to 0.75
-    rad/s without latency; a tick, latency and age later.
+    `soter.controllers.VelocityTracker` makes the goals, and says how well velocities are tracked: forwards, backwards
+    if the robot can, turn rates in place up to the robot's own and while driving up to 0.75 rad/s without latency;
+    later by a tick, latency and age.
     """
 
     def begin(self, arena: Arena) -> None:
@@ -28,7 +28,7 @@ class VelocityController(Controller, ABC):
 
     @abstractmethod
     def velocity(self, own: RobotState, now_s: float) -> Velocity:
-        """Return how fast a robot is to go and to turn from now on, `Velocity()` to stand. Asked as `step` is.
+        """Return a robot's velocity and turn rate from now on, `Velocity()` to stand. Called as `step` is.
 
         Args:
             own: the robot's latest sample.

@@ -1,4 +1,4 @@
-"""Controllers that want harm: they drive all robots, through their ports, at the edges of the rules."""
+"""Hostile controllers that drive all robots, through their ports, at the edges of the rules."""
 
 from soter.controllers.adversaries.base import Adversary, AdversaryOptions
 

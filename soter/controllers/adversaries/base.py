@@ -1,4 +1,4 @@
-"""What adversaries have in common, and the nearest edges of what must not happen."""
+"""The base of adversaries, and the nearest places where robots would break a rule."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Positive = Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
 
 
 class RobotFacts(ControllerOptions):
-    """What an adversary takes for granted about the robots; wrong numbers make it a weaker one."""
+    """What an adversary assumes about the robots; wrong numbers make it weaker."""
 
     v_max_m_s: Positive = 0.22
     brake_m_s2: Positive = 1.0
@@ -38,17 +38,17 @@ class RobotFacts(ControllerOptions):
 
 
 class AdversaryOptions(ControllerOptions):
-    """What every adversary can be told; an adversary's own model adds its options.
+    """Options of every adversary; an adversary's own model adds more.
 
     Attributes:
-        facts: what it takes for granted about the robots.
+        facts: what it assumes about the robots.
     """
 
     facts: RobotFacts = RobotFacts()
 
 
 class Adversary(Controller, ABC):
-    """A controller of all robots at once that does its worst. It knows what the safety modules promise."""
+    """A hostile controller of all robots at once. It knows the safety modules' settings."""
 
     Options: ClassVar[type[BaseModel]] = AdversaryOptions
     options: AdversaryOptions
@@ -59,12 +59,12 @@ class Adversary(Controller, ABC):
 
 
 def rings_where_control_is_lost(arena: Arena, facts: RobotFacts, spare_m: float) -> tuple[list[Ring], list[Ring]]:
-    """Return the outlines on which an AC may just be, along the fence and around what is kept out; lists may be empty.
+    """Return the outlines at which an AC loses control, along the fence and around obstacles; lists may be empty.
 
     Args:
-        arena: where.
-        facts: about the robots.
-        spare_m: how much inside the edge of what is allowed; negative is beyond it.
+        arena: the arena.
+        facts: the adversary's assumptions about the robots.
+        spare_m: how far on the allowed side of these the outlines lie; negative for beyond.
     """
     fence, kept_out = arena.terrain.workspace.outlines()
     inset_m = facts.reach_m(arena.rta.geofence.delta_s) + spare_m
@@ -74,7 +74,7 @@ def rings_where_control_is_lost(arena: Arena, facts: RobotFacts, spare_m: float)
 
 
 def moved(ring: Sequence[Point], by_m: float) -> Ring:
-    """Return the corners of a polygon with all of its sides moved outwards; sharp corners are cut short."""
+    """Return the corners of a polygon with all sides moved outwards; sharp corners are cut short."""
     sides = list(zip(ring, [*ring[1:], ring[0]], strict=True))
     around = math.copysign(1.0, sum(ax * by - bx * ay for (ax, ay), (bx, by) in sides))
     units = [
@@ -102,12 +102,12 @@ RULES: Final = ("geofence", "obstacle", "collision")
 
 
 class Edge(NamedTuple):
-    """A place where a rule would be broken, and how far a robot is from that.
+    """A place where a robot would break a rule, and the margin that it has now.
 
     Attributes:
         margin_m: the rule's margin where the robot is.
-        x_m: where to drive to break it, east.
-        y_m: the same, north.
+        x_m: where to drive to break the rule, east.
+        y_m: where to drive to break the rule, north.
     """
 
     margin_m: float
@@ -116,7 +116,7 @@ class Edge(NamedTuple):
 
 
 def nearest_edge(arena: Arena, own: RobotState, rule: str) -> Edge | None:
-    """Return the nearest place where a robot would break a rule; None where there is none, as without boxes."""
+    """Return the nearest place where a robot would break a rule; None if there is none, as without boxes."""
     if rule == "geofence":
         return _fence(arena, own)
     return _box(arena, own) if rule == "obstacle" else _robot(arena, own)

@@ -16,10 +16,10 @@ _RUN_UP_M = 0.1
 
 
 class ChaseOptions(AdversaryOptions):
-    """How it rams.
+    """Options of `Chase`.
 
     Attributes:
-        dart: part of the attacks that reverse before the collision module looks again.
+        dart: share of attacks that reverse before the collision module looks again.
         reverse_m: how far it reverses.
     """
 
@@ -28,10 +28,10 @@ class ChaseOptions(AdversaryOptions):
 
 
 class Chase(Adversary):
-    """Every robot drives at its nearest peer. Attacks begin right after the collision module has looked.
+    """Every robot drives at its nearest peer. Attacks begin right after a look of the collision module.
 
-    Some attacks last until control is lost. The others are darts: in for a part of Delta, then backwards, so that at
-    the next look the robots are apart again.
+    Some attacks last until control is lost. The others are darts: forwards for a part of Delta, then backwards, so that
+    at the next look the robots are apart again.
     """
 
     Options = ChaseOptions
@@ -73,12 +73,12 @@ class Chase(Adversary):
                 port.goto(towards(own, peer.x_m, peer.y_m))
 
     def _near(self, own: RobotState, peer: RobotState, delta_s: float) -> bool:
-        """Whether the module will act soon: farther away there is nothing to reverse from."""
+        """Return whether the module will act soon: farther away, reversing is useless."""
         gap_m = math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) - self.arena.rta.collision.phi_safe_m
         return gap_m < self.options.facts.reach_m(delta_s, 2) + _RUN_UP_M
 
     def _backwards(self, own: RobotState) -> Waypoint:
-        """Return a goal behind the robot that it reaches backwards."""
+        """Return a goal behind the robot that it reaches by reversing."""
         back_m, heading = self.options.reverse_m, own.heading_rad
         x_m, y_m = own.x_m - back_m * math.cos(heading), own.y_m - back_m * math.sin(heading)
         return Waypoint(x_m, y_m, 0.0, heading, None, 0.005, 600.0)

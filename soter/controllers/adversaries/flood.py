@@ -1,4 +1,4 @@
-"""More commands than anybody can take, from several threads."""
+"""Floods ports with commands, from several threads."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _PAUSE_S = 0.001
 
 
 class FloodOptions(AdversaryOptions):
-    """How much.
+    """Options of `Flood`.
 
     Attributes:
-        commands: for each robot at each tick.
-        threads: further ones that send all the time; with any, what comes last is for the host to say.
+        commands: number of commands for each robot at each tick.
+        threads: number of threads that send all the time; with any, the host decides which command comes last.
     """
 
     commands: Annotated[int, Field(ge=1, le=1_000_000)] = 1000
@@ -29,7 +29,7 @@ class FloodOptions(AdversaryOptions):
 
 
 class Flood(Adversary):
-    """Thousands of goals a tick for every robot, in all directions; the last one is a random place beyond the fence."""
+    """Sends thousands of goals a tick to every robot, in all directions; the last is a place outside the fence."""
 
     Options = FloodOptions
     options: FloodOptions
@@ -68,7 +68,7 @@ class Flood(Adversary):
 
     @property
     def incidents(self) -> Sequence[str]:
-        """Threads send when the host lets them."""
+        """Return that threads send when the host lets them, if there are any."""
         return [f"{len(self._threads)} threads sent commands when the host let them"] if self.options.threads else []
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""To the nearest edge at top speed, and along the edge of where the AC is allowed."""
+"""Adversaries that drive to the nearest edge at top speed, and along the edge at which the AC loses control."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _GIVE_UP_S = 60.0
 
 
 class HuggingOptions(base.AdversaryOptions):
-    """How it creeps.
+    """Options of `BoundaryHugging`.
 
     Attributes:
-        spare_m: how much inside the edge of what is allowed; negative is beyond it.
-        speed_m_s: how fast.
+        spare_m: how far on the allowed side of where control is lost it drives; negative for beyond.
+        speed_m_s: speed along the edge.
     """
 
     spare_m: Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)] = 0.002
@@ -30,7 +30,7 @@ class HuggingOptions(base.AdversaryOptions):
 
 
 class BoundaryHugging(base.Adversary):
-    """Creeps round the fence and round every box, just where control would be lost, and so leaves no room to err.
+    """Creeps round the fence and round every box, just where control would be lost, which leaves no room for error.
 
     Robots go round in opposite senses, so that they meet where there is room on one side only.
     """
@@ -48,7 +48,7 @@ class BoundaryHugging(base.Adversary):
         self._asked: dict[int, tuple[int, int]] = {}
 
     def hear(self, report: Report) -> None:
-        """A corner at which control was lost is left out."""
+        """Skip a corner at which control was lost."""
         if isinstance(report, ControlReport):
             self._asked.pop(report.robot_id, None)
             if not report.engaged:
@@ -71,7 +71,7 @@ class BoundaryHugging(base.Adversary):
             (before_x_m, before_y_m), (x_m, y_m) = ring[at[1] - 1], ring[at[1]]
             if self._asked.get(robot_id) != at:
                 self._asked[robot_id], self._since_s[robot_id] = at, now_s
-                # Straight across the room at top speed, along an edge at a creep.
+                # At top speed across the room, slowly along an edge.
                 dx, dy = x_m - before_x_m, y_m - before_y_m
                 aside_m = abs(dx * (own.y_m - y_m) - dy * (own.x_m - x_m)) / max(math.hypot(dx, dy), 1e-9)
                 speed = None if aside_m > _ASIDE_M else self.options.speed_m_s
@@ -81,7 +81,7 @@ class BoundaryHugging(base.Adversary):
 
 
 class FastestToBoundary(base.Adversary):
-    """Every robot drives at the nearest edge; after each loss of control it turns to the next rule's nearest edge."""
+    """Every robot drives at the nearest edge of a rule; after each loss of control, of the next rule."""
 
     def begin(self, arena: Arena) -> None:
         super().begin(arena)
@@ -89,13 +89,13 @@ class FastestToBoundary(base.Adversary):
         self._aim: dict[int, base.Edge] = {}
 
     def hear(self, report: Report) -> None:
-        """Another rule comes next where control was lost."""
+        """Turn to the next rule after control was lost."""
         if isinstance(report, ControlReport) and not report.engaged:
             self._turn[report.robot_id] += 1
             self._aim.pop(report.robot_id, None)
 
     def act(self, now_s: float, tick: int) -> None:
-        """Aim, and keep aiming at what moves."""
+        """Aim at the edge, and keep aiming if it moves."""
         for robot_id, port in self.arena.ports.items():
             own = port.state
             if own is None or not port.engaged:

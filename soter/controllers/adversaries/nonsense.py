@@ -1,4 +1,4 @@
-"""Adversaries that do not do their job: what they send is no waypoint, or nothing, or they fail."""
+"""Adversaries that send nonsense, or nothing, or fail."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from soter.sdk import Waypoint
 
 
 class Traitor(float):
-    """A number until somebody computes with it."""
+    """A number that raises when it is used in arithmetic."""
 
     def __rsub__(self, other: Any) -> float:
         raise ArithmeticError("this number does not want to be subtracted from")
@@ -27,18 +27,18 @@ class Traitor(float):
 
 
 class LookAlike:
-    """Has the fields of a waypoint and a check of its own that lets everything pass."""
+    """Has the fields of a waypoint, and a check of its own that passes everything."""
 
     x_m = y_m = z_m = math.nan
     heading_rad = speed_m_s = None
     radius_m = timeout_s = 1.0
 
     def check(self, max_coordinate_m: float = math.inf) -> None:
-        """Nothing is ever wrong."""
+        """Pass everything."""
 
 
 class Endless(tuple[Waypoint, ...]):
-    """Intentions that never end."""
+    """Endless intentions."""
 
     __slots__ = ()
 
@@ -62,9 +62,9 @@ def _commands() -> list[Any]:
 
 
 class Nonsense(Adversary):
-    """NaN, infinities, wrong types, absurd numbers, numbers that betray; now and then a real goal beyond the fence.
+    """Sends NaN, infinities, wrong types, absurd or raising numbers; now and then a real goal beyond the fence.
 
-    The real goals keep the robots moving while nonsense comes in, and make them lose control with nonsense pending.
+    The real goals keep the robots moving, and make them lose control while nonsense is pending.
     """
 
     def begin(self, arena: Arena) -> None:
@@ -73,7 +73,7 @@ class Nonsense(Adversary):
         self._commands = _commands()
 
     def act(self, now_s: float, tick: int) -> None:
-        """Send something to everybody, in control or not."""
+        """Send something to every robot, in control or not."""
         random = self._random
         low_x, low_y, high_x, high_y = self.arena.terrain.bounds
         for port in self.arena.ports.values():
@@ -86,14 +86,14 @@ class Nonsense(Adversary):
 
 
 class Frozen(Adversary):
-    """Never sends anything. Its robots stand where they are, and go home when their batteries say so."""
+    """Never sends anything. Its robots stand where they are, and go home when they have to charge."""
 
     def act(self, now_s: float, tick: int) -> None:
         """Nothing."""
 
 
 class Raises(Adversary):
-    """Fails at once and for good: its robots belong to their safe controllers from the first tick on."""
+    """Fails at once and for good: safe controllers have its robots from the first tick on."""
 
     def act(self, now_s: float, tick: int) -> None:
         """Fail.

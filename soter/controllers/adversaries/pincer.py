@@ -1,4 +1,4 @@
-"""One robot is brought to an edge, the others drive it against that."""
+"""Brings one robot to an edge, and has the others press it against that edge."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _SPARE_M = 0.005
 
 
 class PincerOptions(AdversaryOptions):
-    """How it takes turns.
+    """Options of `Pincer`.
 
     Attributes:
-        turn_s: after so long another robot is the prey, at another place.
+        turn_s: time after which another robot becomes the prey, at another place.
     """
 
     turn_s: Positive = 30.0
@@ -32,7 +32,7 @@ class PincerOptions(AdversaryOptions):
 class Pincer(Adversary):
     """The prey waits where its geofence or obstacle module is about to take it; the others come from inside.
 
-    What the prey's collision module then does, it does with its back to an edge, in a corner at times.
+    The prey's collision module then acts with its back to an edge, or in a corner.
     """
 
     Options = PincerOptions
@@ -49,7 +49,7 @@ class Pincer(Adversary):
         self._asked: dict[int, Point] = {}
 
     def act(self, now_s: float, tick: int) -> None:
-        """Send the prey to its place and everybody else to the prey."""
+        """Send the prey to its place and all others to the prey."""
         if now_s >= self._until_s and any(self._rings):
             self._until_s = now_s + self.options.turn_s
             self._turn += 1
@@ -69,7 +69,7 @@ class Pincer(Adversary):
             port.goto(Waypoint(*goal, 0.0, None, None, 0.01, 600.0) if robot_id == prey_id else towards(own, *goal))
 
     def _edge(self) -> Point:
-        """Return a place at an edge where an AC may just be: at the fence, in one of its corners, or beside a box."""
+        """Return a place where an AC just keeps control: at the fence, in one of its corners, or beside a box."""
         random, (fence, kept_out) = self._random, self._rings
         rings = random.choice([each for each in (fence, kept_out) if each])
         ring = random.choice(rings)

@@ -1,4 +1,4 @@
-"""Anything that is a waypoint, at any time."""
+"""Sends any waypoint at any time."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from soter.sdk import Waypoint
 
 
 class RandomOptions(AdversaryOptions):
-    """What to draw.
+    """Options of `RandomGoals`.
 
     Attributes:
-        most_s: a goal stands for a time from one tick to this.
-        beyond_m: goals lie up to so far outside the fence.
+        most_s: longest time that a goal stands; the shortest is one tick.
+        beyond_m: how far outside the fence goals lie at most.
     """
 
     most_s: Positive = 4.0
@@ -22,7 +22,7 @@ class RandomOptions(AdversaryOptions):
 
 
 class RandomGoals(Adversary):
-    """Goals anywhere, in boxes and outside the fence too; near ones and far ones, slow and fast, with odd radii."""
+    """Sends goals anywhere, also in boxes and outside the fence; near and far, slow and fast, with odd radii."""
 
     Options = RandomOptions
     options: RandomOptions
@@ -33,7 +33,7 @@ class RandomGoals(Adversary):
         self._next_s = dict.fromkeys(arena.ports, -math.inf)
 
     def act(self, now_s: float, tick: int) -> None:
-        """Give those robots whose time is up another goal, in control or not."""
+        """Send another goal to robots whose goal's time is up, in control or not."""
         random, arena = self._random, self.arena
         for robot_id, port in arena.ports.items():
             if now_s < self._next_s[robot_id] or port.state is None:

@@ -1,4 +1,4 @@
-"""Looks ahead for the commands that cost the most margin."""
+"""Searches, by looking ahead, for the commands that cost the most margin."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ _ALIGNED_RAD: Final = 0.02
 
 
 class Rollout:
-    """Predicts the least margins that sequences of one goal a robot lead to, decision modules included.
+    """Predicts the least margins that follow from one goal for each robot, decision modules included.
 
     A robot waits, turns in place, drives straight at top speed, and brakes for good when one of its modules looks and
-    finds less margin than its reach bound. That is what the modules promise; what safe controllers do after it is
-    left out. Arrays have the shape (candidates, robots).
+    finds less margin than its reach bound, as modules promise. Safe controllers are not modelled. Arrays have the shape
+    (candidates, robots).
 
     Args:
         terrain: fence and boxes.
         rta: periods and rules of the modules.
-        facts: what the robots can do.
-        step_s: of the model, which is the supervisors' period.
+        facts: the adversary's assumptions about the robots.
+        step_s: the model's time step, equal to the supervisors' period.
     """
 
     def __init__(self, terrain: Terrain, rta: RtaTable, facts: base.RobotFacts, step_s: float) -> None:
@@ -60,8 +60,8 @@ class Rollout:
         Args:
             tick: the number of the tick at which the commands begin to act.
             start: x, y, heading and speed of every robot; shape (robots, 4).
-            moves: which robots the AC has control of.
-            goals: where they are sent; shape (candidates, robots, 2).
+            moves: which robots their AC controls.
+            goals: where robots are sent; shape (candidates, robots, 2).
             waits: ticks that each robot waits before; shape (candidates, robots).
             steps: how many ticks to look ahead.
         """
@@ -118,12 +118,12 @@ _LATERAL_M: Final = 0.5
 
 
 class SearchOptions(base.AdversaryOptions):
-    """How hard it looks.
+    """Options of `Search`.
 
     Attributes:
-        candidates: sequences tried each time; a number and not a time, so that the same seed gives the same attack.
+        candidates: sequences tried per search; a number, not a time, so that the same seed gives the same attack.
         ahead_s: how far they are rolled forward.
-        wait_s: a robot waits at most so long before it starts.
+        wait_s: longest time that a robot waits before it starts.
     """
 
     candidates: Annotated[int, Field(ge=1, le=100_000)] = 64
@@ -132,10 +132,10 @@ class SearchOptions(base.AdversaryOptions):
 
 
 class Search(base.Adversary):
-    """Samples where and when to send every robot, rolls a model of all robots and modules forward, takes the worst.
+    """Samples where and when to send every robot, rolls a model of robots and modules forward, and takes the worst.
 
-    The model knows when each module looks. What it finds are runs-up that reach top speed and cross the line at which
-    a module acts right after it has looked. The rule that is attacked changes from one search to the next.
+    The model knows when each module looks, so the search finds runs at top speed that cross the line at which a module
+    acts right after it has looked. Each search attacks another rule.
     """
 
     Options = SearchOptions
@@ -151,10 +151,10 @@ class Search(base.Adversary):
         self._rule = 0
         self._engaged: tuple[bool, ...] = ()
         self.evaluations = 0
-        """Sequences that were rolled forward."""
+        """Number of sequences that were rolled forward."""
 
     def act(self, now_s: float, tick: int) -> None:
-        """Carry the present plan on; make another one when it is over or somebody has lost or got control."""
+        """Carry out the present plan; make another one when it is over, or when control of a robot has changed."""
         ports = self.arena.ports
         states = self.arena.states()
         if len(states) < len(ports):
