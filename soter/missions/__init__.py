@@ -1,4 +1,4 @@
-"""What robots are to do: scripts and missions of machines, and the surveillance mission, which is one of these."""
+"""Missions: scripts and missions of machines, and the surveillance mission, which is one of these."""
 
 from pathlib import Path
 from typing import Final
@@ -9,7 +9,7 @@ from soter.missions.script import Arrival, Robot, ScriptFailed
 from soter.missions.stage import Stage
 
 ROOM: Final = Path(__file__).parent / "room.toml"
-"""The mission file of a run that has none: a room without boxes, two robots, and nothing that has to be installed."""
+"""The mission file of a run without one: a room without boxes, two robots, and no extra to install."""
 
 __all__ = [
     "ROOM",

@@ -13,10 +13,10 @@ from soter.missions.stage import Stage
 
 
 class Mission:
-    """What the robots are to do. Nobody trusts it: the safety modules keep the rules whatever it asks for.
+    """What the robots are to do. It is untrusted: the safety modules keep the rules whatever it commands.
 
     A script overrides `run`, a coroutine for each robot. A mission of machines overrides `begin` instead. Both run in
-    one thread, in virtual time the same from the same seed, and on a wall clock in a process of their own.
+    one thread: in virtual time repeatably from the seed, and on a wall clock in a process of their own.
 
     Args:
         options: an instance of `Options`.
@@ -37,14 +37,14 @@ class Mission:
         self.options = options
 
     async def run(self, robot: Robot) -> None:
-        """Do what one robot is to do; called once for each. A robot whose script has ended stays where it is.
+        """Command one robot; called once for each. A robot whose script has ended stays where it is.
 
-        Only calls of this robot's handle can be awaited. Whatever is raised here costs this robot its AC.
+        Only calls of this robot's handle can be awaited. An exception costs this robot its AC.
         """
         raise NotImplementedError
 
     def begin(self, stage: Stage) -> None:
-        """Create the machines that do it all, before the first tick; those of scripts unless overridden."""
+        """Create the mission's machines, before the first tick; by default those that run scripts."""
         target_ids = itertools.count(1)
         running = set(stage.kits)
 
@@ -58,16 +58,16 @@ class Mission:
             stage.create(RobotScript, script, f"{type(self).__name__} {robot_id}")
 
     def log(self, text: object) -> None:
-        """Say something, on standard error at once and in the recording."""
+        """Write a message to standard error at once, and into the recording."""
         if self._stage is None:
             raise RuntimeError("log() was called before the mission has begun")
         self._stage.say(type(self).__name__, str(text))
 
     def finish(self) -> None:
-        """Say that nothing is left to do: the run ends, and the robots stop. Scripts need not, they end."""
+        """End the run, since nothing is left to do; the robots stop. Scripts need not call it: they just return."""
         self.finished = True
 
     def start(self, stage: Stage) -> None:
-        """Begin; called by the mission host."""
+        """Begin the mission; called by the mission host."""
         self._stage = stage
         self.begin(stage)

@@ -19,14 +19,14 @@ BUILT_IN: Final[Mapping[str, str]] = {
     SURVEILLANCE: "soter.missions.surveillance:Surveillance",
     "waypoints": "soter.missions.waypoints:Waypoints",
 }
-"""The missions of this distribution."""
+"""The shipped missions."""
 
 
 def mission_class(file: MissionFile) -> type[Mission]:
     """Import and return the class of the mission that a mission file names.
 
     Raises:
-        ConfigError: there is none of that name, or what is there is no mission.
+        ConfigError: there is no class of that name, or it is no mission.
     """
     name = file.mission.use
 
@@ -47,14 +47,14 @@ def mission_class(file: MissionFile) -> type[Mission]:
 
 
 def not_awaited(found: type[Mission]) -> str:
-    """Return in words a statement of a script that calls a coroutine and does not await it; empty if there is none.
+    """Return, in words, a statement of a script that calls a coroutine without `await`; empty if there is none.
 
     Python would only warn, once the run is under way.
     """
     try:
         lines, first = inspect.getsourcelines(found)
         tree = ast.parse(textwrap.dedent("".join(lines)))
-    except (OSError, TypeError, SyntaxError):  # made where there is no source, such as at a prompt
+    except (OSError, TypeError, SyntaxError):  # a class without source, such as one made at a prompt
         return ""
     robot = [*inspect.signature(found.run).parameters][1:2]
     for each in ast.walk(tree):
@@ -70,7 +70,7 @@ def make_mission(file: MissionFile) -> Mission:
     """Return the mission that a mission file names, with the options of its table.
 
     Raises:
-        ConfigError: see `mission_class`; an option is unknown or not allowed, or the class cannot be made of them.
+        ConfigError: see `mission_class`; an option is unknown or not allowed, or making the mission fails.
     """
     found = mission_class(file)
     options = validate_options(found.Options, file.options, file.source, "mission", overridden=file.overridden)

@@ -1,6 +1,6 @@
-"""Watch over robots whose AC is somebody else's node: SOTER judges, and takes a robot over only to run its SC.
+"""Monitors robots whose AC is somebody else's node: SOTER judges, and takes a robot over only to run its SC.
 
-Nothing here knows ROS: the robots come opened, and what is to be told goes to whoever tells it.
+Nothing here depends on ROS: the robots are already open, and reports go to a `Telling`.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ _ANYWHERE: Final = Waypoint(0.0, 0.0)
 
 
 class Telling(Protocol):
-    """Who is told what goes on. Called in the thread that judges: it must not wait."""
+    """Receives the monitor's reports. Called in the thread that judges: it must not wait."""
 
     def tick(self, robot_id: int, driver: str, cause: str, margins: Mapping[str, float]) -> None:
-        """A robot was judged.
+        """Report that a robot was judged.
 
         Args:
-            robot_id: which.
+            robot_id: the robot.
             driver: the safety module whose safe controller drives it, or "AC".
-            cause: why, in words; empty for the AC.
-            margins: by module, as it saw it last, in the module's unit.
+            cause: why that module drives, in words; empty for the AC.
+            margins: by module, the margin at its last look, in the module's unit.
         """
 
     def switched(self, robot_id: int, before: str, after: str, module: str, cause: str) -> None:
-        """A robot changed hands, or the module that drives it.
+        """Report that the active controller of a robot, or the module that drives it, changed.
 
         Args:
-            robot_id: which.
-            before: who drove it: a safety module, or "AC".
-            after: who drives it now.
-            module: the one that caused it.
-            cause: in words.
+            robot_id: the robot.
+            before: the driver before: a safety module, or "AC".
+            after: the driver now.
+            module: the module that caused the change.
+            cause: the cause in words.
         """
 
 
@@ -56,7 +56,7 @@ class Watcher:
         late_ticks: how many ticks came later than the robots' jitter allows.
 
     Raises:
-        IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
+        IllFormedModule: a safety module cannot keep its rule on these robots; nothing has moved.
     """
 
     def __init__(self, mission: MissionFile, workspace: Workspace, fleet: Fleet, telling: Telling) -> None:
@@ -76,11 +76,11 @@ class Watcher:
         )
 
     def run(self, stop: Callable[[], bool], duration_s: float | None = None) -> None:
-        """Judge at every tick until told to stop, or for so long.
+        """Judge at every tick until told to stop, or until the time is up.
 
         Args:
-            stop: asked at every tick.
-            duration_s: in fleet time; None for as long as it takes.
+            stop: called at every tick; returns whether to stop.
+            duration_s: duration in fleet time; None for no limit.
         """
         clock, supervisor, ports = self._fleet.clock, self._safety.supervisor, self._safety.ports.values()
         began_s, tick = clock.now(), 0
@@ -89,7 +89,7 @@ class Watcher:
             self.late_ticks += now_s - (began_s + tick * self._tick_s) > self._jitter_s
             for port in ports:
                 if port.engaged:
-                    # Wherever it is that its AC goes: a robot that may drive is not expected to rest.
+                    # Any goal will do: its AC drives it anywhere, and a robot with a goal is not expected to rest.
                     port.goto(_ANYWHERE)
             supervisor.tick(now_s)
             for robot in supervisor.robots.values():
@@ -100,7 +100,7 @@ class Watcher:
             clock.sleep_until(began_s + tick * self._tick_s)
 
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
-        """Pass a change of hands on; see `soter.rta.Watch`."""
+        """Pass on a change of control; see `soter.rta.Watch`."""
         before, after = record.before or AC, record.after or AC
         self.disengagements[record.robot_id] += before == AC != after
         if before != after:
@@ -109,7 +109,7 @@ class Watcher:
 
 
 class _Elsewhere(RobotActuator):
-    """A robot whose AC commands it past SOTER: what is sent in the AC's name goes nowhere."""
+    """A robot whose AC commands it directly: goals that SOTER would send for the AC are dropped."""
 
     def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Controller) -> None:
         if not isinstance(command, Request):
@@ -117,4 +117,4 @@ class _Elsewhere(RobotActuator):
 
 
 def _ignore(_report: Report) -> None:
-    """Nobody asks for anything through a port."""
+    """Ignore a report: nothing is requested through the ports."""

@@ -1,4 +1,4 @@
-"""Scripts: one coroutine a robot, driven by a machine of its own, and the handle that it commands its robot through."""
+"""Scripts: one coroutine per robot, driven by a machine of its own, and the handle that commands the robot."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from soter.stack.kit import RobotPort
 from soter.stack.remote import RemoteKit, robot_agent
 
 LONGEST_S: Final = 1e6
-"""Time that a goal may be given, as in mission files."""
+"""Longest time-out of a goal, as in mission files."""
 
 MOST_TRIES: Final = 1000
 
 
 class ScriptFailed(SoterError):
-    """A script raised an exception, which is the cause of this one; its robot has no AC from then on."""
+    """A script raised an exception, which is the `__cause__` of this one; its robot has no AC from then on."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """How a goal ended. True where the robot has reached it.
+    """How a goal ended; true if the robot has reached it.
 
     Attributes:
         outcome: reached, unsafe (geofence or obstacle took the robot), blocked (too many tries), or timed out.
-        module: the safety module that took the robot over and so ended it; empty for any other end.
-        reason: why it did, or why no path led there, in words.
+        module: the safety module that ended it by taking the robot over; empty for any other end.
+        reason: why the module took the robot, or why no path led there, in words.
     """
 
     outcome: TargetOutcome
@@ -55,7 +55,7 @@ class Arrival:
 
 
 class Peer:
-    """What a script sees of a robot: where it is, and whether its AC has control."""
+    """What a script sees of a robot: its state, and whether its AC has control."""
 
     def __init__(self, robot_id: int, port: RobotPort | None) -> None:
         self.id: Final = robot_id
@@ -75,15 +75,15 @@ class Peer:
 class Robot(Peer):
     """One robot, as the script that runs for it sees and commands it; see `soter.Mission.run`.
 
-    It has the rights of an AC: what it asks for moves the robot while no safety module drives it. Every call that is
-    awaited takes a tick at least, belongs to this robot's own script, and waits in fleet time.
+    It commands as an AC does: the robot moves by it only while no safety module drives. Every awaited call takes at
+    least a tick, waits in fleet time, and may only be made by this robot's own script.
 
     Attributes:
-        id: of the robot.
+        id: the robot's id.
         peers: the other robots, by id.
         workspace: fence, boxes, chargers.
-        body_radius_m: of the robot.
-        random: random numbers that depend on the run's seed and the robot alone.
+        body_radius_m: radius of the robot's body.
+        random: a random generator that depends only on the run's seed and the robot.
     """
 
     def __init__(self, script: RobotScript, robot_id: int, stage: Stage, agent: MachineRef) -> None:
@@ -105,16 +105,16 @@ class Robot(Peer):
     async def go_to(self, x_m: float, y_m: float, *, timeout_s: float | None = None, tries: int = TRIES) -> Arrival:
         """Drive to a place, by a path of the mission's planner, and return how that ended.
 
-        While a safety module drives the robot this waits; then it goes on, unless geofence or obstacle had to step in.
+        While a safety module drives the robot, this waits; then it goes on, unless it was geofence or obstacle.
 
         Args:
-            x_m: where, east in the workspace's frame.
-            y_m: the same, north.
+            x_m: the place, east in the workspace's frame.
+            y_m: the place, north.
             timeout_s: time with the AC in control after which it is given up; None for `target_timeout_s`.
-            tries: how often a module may take the robot on the way, or a path come to nothing, before it is given up.
+            tries: number of take-overs and failed paths after which it is given up.
 
         Raises:
-            ValueError: no place, time or number of tries.
+            ValueError: place, time-out or number of tries is not allowed.
         """
         Waypoint(x_m, y_m).check()
         if timeout_s is not None and not 0.0 < timeout_s <= LONGEST_S:
@@ -124,14 +124,14 @@ class Robot(Peer):
         return await self._script.visit(self._agent, (float(x_m), float(y_m)), timeout_s, int(tries))
 
     async def sleep(self, duration_s: float) -> None:
-        """Wait for so long, at least a tick."""
+        """Wait for a time, at least a tick."""
         await self._script.sleep(duration_s)
 
     async def until(self, condition: Callable[[], bool], *, timeout_s: float = math.inf) -> bool:
-        """Wait until a condition holds, such as one on what another robot's script has noted; asked at every tick.
+        """Wait until a condition holds, such as one that another robot's script sets; it is checked at every tick.
 
         Returns:
-            Whether it holds; False when the time is up.
+            True once it holds; False if the time is up.
         """
         end_s = self.now() + timeout_s
         while not condition():
@@ -147,7 +147,7 @@ class Wake(Event):
 
 @dataclass(frozen=True)
 class Script:
-    """What a script's machine is told."""
+    """The payload of a script's machine."""
 
     run: Callable[[Robot], Coroutine[object, object, None]]
     robot_id: int
@@ -157,7 +157,7 @@ class Script:
 
 
 class RobotScript(Machine):
-    """Stands over a robot agent as a task planner does, and has its script for a handler."""
+    """Gives targets to a robot agent as a task planner does; the script runs as its handler."""
 
     Running: State[Script] = State(start=True)
     Ended: State[None] = State()
@@ -171,7 +171,7 @@ class RobotScript(Machine):
         if not isinstance(kit, RemoteKit):
             kit.subscribe(robot_id, self.ref, ())
         agent = self.create(robot_agent(kit), (kit, self.ref), name=f"RobotAgent {robot_id}")
-        # Nothing of the script runs before the first tick, from which on one that never awaits is noticed.
+        # Run the script from the first tick on, since only then a script that never awaits is noticed.
         await self.sleep(0.0)
         try:
             await script.run(Robot(self, robot_id, stage, agent))
@@ -179,7 +179,7 @@ class RobotScript(Machine):
             raise
         except BaseException as failure:
             file = Path(script.run.__code__.co_filename) if hasattr(script.run, "__code__") else None
-            # What asyncio says where its loop is looked for.
+            # asyncio's message if there is no event loop.
             hint = "; a script waits with robot.sleep and robot.until" if "event loop" in str(failure) else ""
             raise ScriptFailed(f"{described(failure, file)}{hint}") from failure
         script.on_end()

@@ -1,4 +1,4 @@
-"""What a mission works with when it begins."""
+"""The stage: what a mission works with."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from soter.stack.remote import RemoteKit
 
 @dataclass(frozen=True)
 class Stage:
-    """Where a mission plays, and with what. Its machines talk to robot agents, or to ports where it has its own.
+    """What a mission works with. Its machines talk to robot agents, or, if it has agents of its own, to ports.
 
     Attributes:
         workspace: fence, boxes, chargers.
-        body_radius_m: of the robots, by id.
-        seed: of the run; whatever is drawn has to follow from it.
-        tick_s: how often time passes.
-        kits: what a robot's machines work with, by robot; of robots in other processes, what stands for them.
-        ports: where robots are, by robot; those of robots in other processes take nothing.
+        body_radius_m: body radii of the robots, by id.
+        seed: the run's seed; all random numbers have to follow from it.
+        tick_s: period of the tick.
+        kits: what a robot's machines work with, by robot; for robots in other processes, the kits of their proxies.
+        ports: ports by robot; those of robots in other processes are read-only.
         create: makes a machine, as `Machine.create` does: class, payload, name.
-        on_target: to be told of every target given: robot, target id, place. For statistics and recordings.
-        on_ended: to be told of every target that ended: robot, target id, outcome.
+        on_target: to be called with every target given: robot, target id, place. For statistics and recordings.
+        on_ended: to be called with every target that ended: robot, target id, outcome.
         say: writes a text to standard error, and into the recording under a name: name, text.
     """
 

@@ -25,7 +25,7 @@ _APART_M: Final = 0.5
 
 
 def grid_places(workspace: Workspace, body_radius_m: float) -> list[Place]:
-    """Return the integer points, fence included, on which a body can stand: in small rooms most lie on the fence."""
+    """Return the integer points, also those on the fence, at which a body can stand; in small rooms most are on it."""
     low_x, low_y, high_x, high_y = workspace.bounds
     return [
         (float(x), float(y))
@@ -36,14 +36,14 @@ def grid_places(workspace: Workspace, body_radius_m: float) -> list[Place]:
 
 
 class Targets:
-    """Draws targets, for every robot from a stream of random numbers of its own.
+    """Draws targets, for every robot from a random stream of its own.
 
     Args:
         workspace: fence and boxes.
-        body_radius_m: of the robots, by id.
+        body_radius_m: body radii of the robots, by id.
         name: `grid`, `uniform` (anywhere inside the fence where a body can stand) or `hostile` (anywhere up to
             `OUTSIDE_M` outside the fence, boxes included).
-        seed: of the run.
+        seed: the run's seed.
     """
 
     def __init__(self, workspace: Workspace, body_radius_m: Mapping[int, float], name: str, seed: int) -> None:
@@ -52,7 +52,7 @@ class Targets:
         self._seed: Final = seed
         self._streams: dict[int, random.Random] = {}
         self._last: dict[int, Place] = {}
-        # Robots that are as large share their points.
+        # Robots of equal size share their points.
         self._grids: Final = {
             radius_m: grid_places(workspace, radius_m) if name == "grid" else []
             for radius_m in set(body_radius_m.values())
@@ -65,7 +65,7 @@ class Targets:
         self._draw: Final = draws[name]
 
     def next(self, robot_id: int) -> Place:
-        """Return the next target of a robot, not the one it comes from."""
+        """Return the next target of a robot, never its last one."""
         stream = self._streams.setdefault(robot_id, random.Random(f"targets/{self._seed}/{robot_id}"))
         last, radius_m = self._last.get(robot_id), self._body_radius_m[robot_id]
         place = self._draw(stream, radius_m)
@@ -91,13 +91,13 @@ class Targets:
 
 @dataclass(frozen=True)
 class Tasks:
-    """What the task planner plans.
+    """The payload of the task planner.
 
     Attributes:
-        kits: of every robot: those of this process with all that their machines need, those of others without.
-        next_target: where a robot goes next; called with its id.
-        on_target: told of every target given: robot, target id, place.
-        on_ended: told of every target that ended: robot, target id, outcome.
+        kits: the kit of every robot; for robots of other processes, that of its proxy.
+        next_target: called with a robot's id; returns its next target.
+        on_target: called with every target given: robot, target id, place.
+        on_ended: called with every target that ended: robot, target id, outcome.
     """
 
     kits: Mapping[int, RobotKit | RemoteKit]
@@ -107,7 +107,7 @@ class Tasks:
 
 
 class TaskPlanner(Machine):
-    """Creates a robot agent for every robot, tells them of each other, and gives each that is done the next target."""
+    """Creates an agent for every robot, tells them of each other, and gives each the next target when it is done."""
 
     Starting: State[Tasks] = State(start=True)
     Running: State[None] = State()

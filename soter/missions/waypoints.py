@@ -1,4 +1,4 @@
-"""Robots that visit the places of a list, one after the other."""
+"""A mission in which robots visit the places of a list in turn."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ Places = list[tuple[Metres, Metres]]
 
 
 class Waypoints(Mission):
-    """Every robot visits all of them, as often as it is told to; a place that it cannot reach is left out."""
+    """Every robot visits all places, for a number of rounds; a place that it cannot reach is skipped."""
 
     class Options(Mission.Options):
-        """What `[mission]` may say.
+        """The options in `[mission]`.
 
         Attributes:
-            points: metres, x and y; each robot begins with another one.
-            robots: by robot the places that it visits instead, from the first to the last.
-            rounds: how often.
-            timeout_s: time for each, in which the robot is free to drive.
+            points: x and y in metres; each robot begins with another point.
+            robots: by robot, the points that it visits instead, from the first to the last.
+            rounds: how often all points are visited.
+            timeout_s: time for each point, with the AC in control.
         """
 
         points: Places = Field(default=[])
