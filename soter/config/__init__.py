@@ -1,6 +1,6 @@
 """The mission file and its tables, what robots promise, and TOML.
 
-The mission file is read in when it is first asked for: robots and planners in processes of their own start without it.
+`mission_file` is imported on first use, so that robots and planners in processes of their own start without it.
 """
 
 from __future__ import annotations

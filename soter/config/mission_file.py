@@ -1,9 +1,9 @@
-"""The mission file: what is to be done, where, by whom, and what the safety modules promise.
+"""The mission file: the mission, its workspace and robots, and the safety modules' settings.
 
-A mission says nothing about the robots behind it: the same file runs on every backend. Options of one backend or
-planner stand in tables of their own, `[backends.NAME]` and `[planners.NAME]`, and are checked by that class's model;
-so are those of an adversary, `[adversaries.NAME]`, of any other controller, `[controllers.CLASS]`, of the mission,
-`[mission]`, and each `[[fault]]`.
+A mission does not depend on the kind of robots: the same file runs on every backend. Options of a backend or planner
+are in tables of their own, `[backends.NAME]` and `[planners.NAME]`, and are checked by that class's model; so are those
+of an adversary, `[adversaries.NAME]`, of any other controller, `[controllers.CLASS]`, of the mission, `[mission]`, and
+each `[[fault]]`.
 """
 
 from __future__ import annotations
@@ -59,26 +59,26 @@ from soter.problems import (
 )
 
 INITIAL_CHARGE: Final = (0.60, 1.00)
-"""The charge that a robot starts with is drawn from this range unless the mission gives one."""
+"""Range from which a robot's initial charge is drawn unless the mission gives one."""
 
 
 class MissionFile(Table):
     """A mission, the same for every backend.
 
     Attributes:
-        mission: what is done, and its options.
-        workspace: the file; `load_mission` makes it relative to the mission file.
-        station: charging stations of a workspace whose file has none, in the order of the robots.
-        start: where robots start in it; on their stations without any.
-        backend: which robots.
-        duration_s: how long.
-        seed: everything that is drawn, is drawn from it.
+        mission: the mission by name, and its options.
+        workspace: the workspace file; `load_mission` makes it relative to the mission file.
+        station: charging stations for a workspace file without any, in the order of the robots.
+        start: where the robots of such a workspace start; on their stations if not given.
+        backend: the robots' backend, by name.
+        duration_s: how long the mission lasts.
+        seed: seed of all random numbers.
         targets: short for the option `targets` of the mission.
-        robots: how many of the workspace's, and what single ones promise.
-        ac: who the ACs are: the mission's own machines, `adversary:NAME`, or a controller as `file.py:Class` or
+        robots: how many of the workspace's robots take part, and what single ones promise.
+        ac: what the ACs are: the mission's own machines, `adversary:NAME`, or a controller as `file.py:Class` or
             `module:Class`.
-        planner: its name.
-        target_timeout_s: a target that takes longer is given up.
+        planner: the motion planner, by name.
+        target_timeout_s: time after which a target is given up.
         base_tick_s: how often controllers publish and supervisors tick.
         battery: the batteries.
         rta: the safety modules.
@@ -88,8 +88,8 @@ class MissionFile(Table):
         controllers: raw options of controllers of the user's own, by the name of the class.
         isolation: limits of the mission's process.
         fault: raw tables of the faults to inject, see `soter.faults`.
-        reseed: when faults begin to draw from other seeds.
-        distribution: which process does what; without processes everything is in one.
+        reseed: times from which faults draw from other seeds.
+        distribution: the processes and their parts; without any, everything is in one process.
     """
 
     mission: MissionTable = MissionTable()
@@ -127,7 +127,7 @@ class MissionFile(Table):
         for name in (*MODULES, *(["path"] if self.rta.path.enabled else [])):
             delta_s = getattr(self.rta, name).delta_s
             ticks = round(delta_s / self.base_tick_s)
-            # Both are decimals: 0.15 is three ticks of 0.05 although not in binary.
+            # Compare as decimals: 0.15 is three ticks of 0.05, though not in binary.
             if ticks < 1 or not math.isclose(ticks * self.base_tick_s, delta_s, rel_tol=1e-9):
                 nearest_s = max(1, ticks) * self.base_tick_s
                 allowed = (
@@ -155,25 +155,25 @@ class MissionFile(Table):
 
     @property
     def overridden(self) -> tuple[tuple[str, ...], ...]:
-        """The keys, split at their dots, whose values are from the command line and not from the file."""
+        """The keys, split at their dots, whose values came from the command line instead of the file."""
         return self._overridden
 
     def initial_charge(self, robot_id: int) -> float:
-        """Return the charge from 0 to 1 that a robot starts with: the given one, or one drawn from the seed."""
+        """Return a robot's initial charge, from 0 to 1: the given one, or one drawn from the seed."""
         given = (self.battery.initial or {}).get(robot_id)
         return draw_charge(self.seed, robot_id) if given is None else given
 
     def read_workspace(self) -> Workspace:
-        """Read the workspace, check the mission against it, and keep the robots that the mission wants.
+        """Read the workspace, check the mission against it, and keep only the mission's robots.
 
         Raises:
-            ConfigError: the workspace file is not allowed, or the mission wants what is not in it.
+            ConfigError: the workspace file is not allowed, or lacks something that the mission needs.
         """
         if not is_file(self.workspace):
             try:
                 read_limited(self.workspace, "workspace file")
             except ConfigError as failure:
-                # What has to be mended is the key, not the file that is not there.
+                # Blame the key, since the file does not exist.
                 raise self.refusal("workspace", str(failure)) from failure
         workspace = read_workspace(
             self.workspace,
@@ -211,7 +211,7 @@ class MissionFile(Table):
         return workspace if count is None else workspace.with_robots(count)
 
     def _misplaced(self, ids: Sequence[int]) -> list[Problem]:
-        """Return what is wrong with where the robots of a distributed mission are."""
+        """Return the problems with the assignment of robots to processes."""
         key, processes = "distribution.processes", self.distribution.processes
         problems = [
             self._problem(f"{key}.{name}.robots", f"there is no robot {robot_id}; allowed: {_listed(ids)}")
@@ -223,18 +223,18 @@ class MissionFile(Table):
         if processes and homeless:
             message = f"no process has the robots {_listed(sorted(homeless))}; allowed: every robot in exactly one"
             problems.append(self._problem(key, message))
-        # Controllers need none.
+        # Controllers need no task planner.
         if processes and self.ac == "mission" and not any(table.planner for table in processes.values()):
             message = f"it is {[*processes]}, allowed: planner = true in exactly one process; it is in none"
             problems.append(self._problem(key, message))
         return problems
 
     def refusal(self, key: str, message: str) -> ConfigError:
-        """Return an error about the value of one dotted key, with the place that it came from."""
+        """Return an error about the value of one dotted key, with the place where it was given."""
         return self._problem(key, message).error(self.source)
 
     def _problem(self, key: str, message: str) -> Problem:
-        """Return a problem of one key, with the place that its value came from."""
+        """Return a problem of one key, with the place where its value was given."""
         parts = split_key(key)
         if any(parts[: len(given)] == given for given in self._overridden):
             return Problem(message, key, source=COMMAND_LINE)
@@ -246,8 +246,8 @@ def _listed(ids: Sequence[int]) -> str:
 
 
 def draw_charge(seed: int, robot_id: int) -> float:
-    """Return the charge that a robot starts with, uniform in `INITIAL_CHARGE`; the same for the same arguments."""
-    # Seeding from a text goes through SHA-512: neighbouring seeds and ids give unrelated draws, on every platform.
+    """Return an initial charge, uniform in `INITIAL_CHARGE`; equal for equal arguments."""
+    # Seeding with a text uses SHA-512, so neighbouring seeds and ids give unrelated draws, on every platform.
     return random.Random(f"initial charge, seed {seed}, robot {robot_id}").uniform(*INITIAL_CHARGE)
 
 
@@ -258,19 +258,19 @@ def load_mission(
 
     Args:
         path: the TOML file.
-        overrides: values that take the place of the file's, by dotted key such as "rta.collision.delta_s"; they come
-            from the command line. None as a value means not given.
-        engine: an option of whichever backend the mission then has; None for what the file says.
+        overrides: values from the command line that replace the file's, by dotted key such as "rta.collision.delta_s";
+            None as a value means not given.
+        engine: value for the option `engine` of the mission's backend; None to keep the file's.
 
     Raises:
-        ConfigError: the file cannot be read, or something in it is not allowed; all that is wrong is listed, with
-            line, dotted key, value and what is allowed.
+        ConfigError: the file cannot be read, or something in it is not allowed; all problems are listed, with line,
+            dotted key, value and what is allowed.
     """
     path = Path(path)
     data = read_limited(path, "mission file")
     mission = parse_mission(data, str(path), overrides)
     if engine is not None:
-        # A backend may be named by its class, which has dots in it.
+        # A backend may be named by its class, which contains dots.
         return load_mission(path, {**(overrides or {}), f'backends."{mission.backend}".engine': engine})
     changes: dict[str, Any] = {"workspace": path.parent / mission.workspace}
     if file_of(mission.mission.use) is not None:
@@ -294,7 +294,7 @@ def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | No
 
 
 def make_mission(tables: Mapping[str, Any], source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
-    """Make a mission of its tables, such as a recording keeps; `source` names them in errors. See `load_mission`."""
+    """Make a mission from its tables, such as a recording's; `source` names them in errors. See `load_mission`."""
     return _checked(copy.deepcopy(dict(tables)), source, overrides, {})
 
 
@@ -306,14 +306,14 @@ def _checked(
 ) -> MissionFile:
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
     if isinstance(raw.get("robots"), dict) and isinstance(given.get(("robots",)), int):
-        # A number of robots leaves what the file says of single ones.
+        # Overriding the number of robots keeps the file's tables of single robots.
         given["robots", "count"] = given.pop(("robots",))
     if raw.get("app") == SURVEILLANCE and "mission" not in raw:
-        # Files and recordings say so that are older than missions with names.
+        # Older files and recordings, from before missions had names, have this key.
         del raw["app"]
     _name_in_table(raw)
     if ("mission",) in given:
-        # It was short for an option of the mission that the file names.
+        # It is short for an option of the mission that the file names, which is replaced.
         raw.pop("targets", None)
     for key, value in sorted(given.items(), key=lambda each: each[0]):
         _override(raw, key, copy.deepcopy(value))
@@ -323,7 +323,7 @@ def _checked(
         mission = MissionFile.model_validate(raw)
     except ValidationError as failure:
         elsewhere = dict.fromkeys(given, COMMAND_LINE)
-        # A table that only an override names, such as a misspelt one, is refused as a whole.
+        # A table that only an override names, such as a misspelt one, is reported as a whole.
         in_file = {line[:end] for line in lines for end in range(1, len(line) + 1)}
         for key in given:
             elsewhere |= {key[:end]: COMMAND_LINE for end in range(1, len(key)) if lines and key[:end] not in in_file}
@@ -334,7 +334,7 @@ def _checked(
 
 
 def _refuse_what_no_key_has(raw: Mapping[str, Any], source: str, lines: dict[tuple[str, ...], int]) -> None:
-    """Refuse more levels than a mission can use (dotted keys nest deeper than tomllib itself recurses), and NULs."""
+    """Refuse NULs, and more levels than a mission can use (dotted keys nest deeper than tomllib itself recurses)."""
     level: list[tuple[tuple[str, ...], object]] = [((), raw)]
     for _ in range(MAX_NESTING):
         for key, value in level:
@@ -354,7 +354,7 @@ def _refuse_what_no_key_has(raw: Mapping[str, Any], source: str, lines: dict[tup
 
 
 def _name_in_table(raw: dict[str, Any]) -> None:
-    """Make a table of a mission that is a name only, which then can have options as well."""
+    """Turn a mission given by name only into a table, so that it can have options."""
     if isinstance(raw.get("mission"), str):
         raw["mission"] = {"use": raw["mission"]}
 

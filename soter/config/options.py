@@ -1,4 +1,4 @@
-"""Raw tables of a mission file, checked with the models of the classes that they are for."""
+"""Checks raw tables of a mission file with the models of the classes that they are for."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def validate_options(
         raw: the table, such as `mission.backends.get("pybullet", {})`.
         source: the mission file, or None.
         key: the table's dotted key, such as "backends.pybullet".
-        filled: what the program itself fills in; the table may not name it.
-        overridden: from the mission, for errors about what is from the command line.
+        filled: options that the program itself sets, which the table may not have.
+        overridden: the mission's `overridden`, for errors about values from the command line.
 
     Raises:
-        ConfigError: an option is unknown or not allowed; all that is wrong is listed.
+        ConfigError: an option is unknown or not allowed; all problems are listed.
     """
     filled = filled or {}
     prefix = split_key(key)
@@ -104,7 +104,7 @@ def _ignored(value: object, raw: object, at: tuple[str, ...] = ()) -> Iterator[t
 
 
 def _lines_in(source: str | None) -> dict[tuple[str, ...], int]:
-    """Return the lines of the keys of a mission file, or nothing where it cannot be read again."""
+    """Return the lines of the keys of a mission file; empty if the file cannot be read again."""
     try:
         return key_lines(read_limited(Path(source), "mission file").decode()) if source else {}
     except (ConfigError, UnicodeDecodeError):

@@ -1,6 +1,6 @@
-"""What a mission file may say of what robots promise: `[backends.NAME.promise]` for all, `[robots.N]` for one.
+"""Robots' promises in a mission file: `[backends.NAME.promise]` for all, `[robots.N]` for one.
 
-One model, whatever the backend. Figures that are not given are those that the backend declares.
+The model is the same for all backends. Figures that are not given are those that the backend declares.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pydantic_core.core_schema import SerializerFunctionWrapHandler
 from soter.config.table import RobotId, Table, wrong
 
 Speed = Annotated[float, Field(ge=0.01, le=1000.0, allow_inf_nan=False)]
-"""Nothing that is driven or braked with is as small as a float can be: quotients would be infinite."""
+"""A speed or deceleration, with a lower bound that keeps quotients finite."""
 
 Length = Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)]
 Radius = Annotated[float, Field(ge=0.001, le=100.0, allow_inf_nan=False)]
@@ -25,7 +25,7 @@ Noise = Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)]
 
 
 class Promise(Table):
-    """What robots promise, as far as it is not what their backend declares; see `soter.sdk.Capabilities`.
+    """Promises of robots that differ from what their backend declares; see `soter.sdk.Capabilities`.
 
     A backend may narrow this by a subclass, for figures that its robots cannot keep.
     """
@@ -58,19 +58,19 @@ _COUNT: Final[TypeAdapter[int]] = TypeAdapter(RobotId)
 
 
 class RobotsTable(Table, extra="allow"):
-    """The robots of a mission: how many of the workspace's, and what each promises that is unlike the others.
+    """The robots of a mission: how many of the workspace's take part, and the promises of single ones.
 
-    A number alone, `robots = 2`, is the same as `count = 2`.
+    A number alone, `robots = 2`, is short for `count = 2`.
 
     Attributes:
-        count: only the first so many of the workspace, or None for all.
+        count: number of the workspace's robots, from the first, that take part; None for all.
     """
 
     count: RobotId | None = None
     __pydantic_extra__: dict[str, Promise]
 
     others: ClassVar[type[Promise]] = Promise
-    """What all other keys are tables of: the robots, by id."""
+    """The model of all other keys, which are tables of single robots by id."""
 
     @property
     def promises(self) -> dict[int, Promise]:

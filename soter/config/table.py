@@ -1,4 +1,4 @@
-"""What all tables of a mission file have in common."""
+"""The base of all tables of a mission file."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ RobotId = Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)]
 
 
 class Table(BaseModel):
-    """Base of all tables: unknown keys are refused, values are taken as they are written."""
+    """Base of all tables: unknown keys are refused, and values are not converted."""
 
-    # Strict: "600" is no number and 1 is no truth value; a slip is named instead of guessed at.
+    # Strict: "600" is no number and 1 is no bool; a slip is reported instead of guessed at.
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 

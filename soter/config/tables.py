@@ -1,4 +1,4 @@
-"""The tables of a mission file that say what safety modules promise and what batteries hold."""
+"""The tables of a mission file: safety modules, batteries, isolation, distribution."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from soter.errors import nearest
 from soter.problems import not_allowed
 
 MODULES: Final = ("collision", "obstacle", "geofence", "battery")
-"""The safety modules, in the order in which they take the actuator: the first of them in SC drives."""
+"""The safety modules, in order of priority: the first of them in SC drives."""
 
 SURVEILLANCE: Final = "surveillance"
 """The mission of a file that names none."""
 
 _TAKEN: Final = (*MODULES, "path", "supervisor")
-"""Names that stand for something else in results."""
+"""Names that have another meaning in results."""
 
 MotionModel = Literal["speed", "speed-acceleration", "unicycle"]
-# Nothing is as small as a float can be: sums of such steps stand still, and quotients are infinite.
+# A lower bound well above the smallest float: sums of tiny steps do not grow, and quotients overflow.
 Lasting = Annotated[float, Field(ge=0.1, le=1e9, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
 Period = Annotated[float, Field(ge=0.001, le=60.0, allow_inf_nan=False)]
@@ -33,7 +33,7 @@ DEFAULT_TARGETS: Final[Targets] = "grid"
 
 
 class MissionTable(Table):
-    """What is done, `mission = "NAME"` or `[mission]`: the keys besides `use` are the mission's own options.
+    """The mission, `mission = "NAME"` or `[mission]`: all keys except `use` are the mission's own options.
 
     Attributes:
         use: a mission by name, or a class as `file.py:Class`, `file.py` or `module:Class`; `load_mission` makes a file
@@ -56,11 +56,11 @@ class MissionTable(Table):
 
 
 class ModuleTable(Table):
-    """What every safety module is told.
+    """The settings of every safety module.
 
     Attributes:
         delta_s: how often its decision module looks; a multiple of the base tick.
-        dwell_s: how long the robot must have been inside phi_safer before it is given back.
+        dwell_s: how long the robot must be inside phi_safer before it is given back.
     """
 
     delta_s: Period
@@ -89,8 +89,8 @@ class MotionTable(Table):
     """A module whose margin falls as robots move.
 
     Attributes:
-        model: what its reach bound looks at: only that there is a top speed and a brake; the present speed too; or
-            the heading as well, of a robot that moves along it and turns. The last two need robots that promise more.
+        model: what its reach bound uses: top speed and brake only; also the present speed; or also the heading, of a
+            robot that moves along its heading and turns. The last two need robots that promise more.
     """
 
     model: MotionModel = "speed"
@@ -124,11 +124,11 @@ class GeofenceTable(MotionTable, ModuleTable):
 
 
 class BatteryModuleTable(ModuleTable):
-    """Enough charge for the way home.
+    """Enough charge for the return path.
 
     Attributes:
         phi_safer: charge from 0 to 1 from which a robot may be given back.
-        reserve_factor: the reserve, as a multiple of the cost of the longest way home.
+        reserve_factor: the reserve, as a multiple of the cost of the longest return path.
     """
 
     delta_s: Period = 1.0
@@ -151,7 +151,7 @@ class PathTable(DistanceTable):
 
 def _as_target(text: str) -> str:
     if re.fullmatch(r"[a-z][a-z0-9_-]*", text):
-        return text  # one that a distribution has registered
+        return text  # registered by a distribution
     where, _, function = text.rpartition(":")
     is_module = all(part.isidentifier() for part in where.split("."))
     if not (function.isidentifier() and (is_module or where.endswith(".py"))):
@@ -167,9 +167,8 @@ class UserModuleTable(Table):
     Attributes:
         declare: the function that declares it, as `file.py:function` or `package.module:function`, or the name that a
             distribution has registered it by.
-        before: the module before which it may drive: a shipped one, or one of the user's that stands above it. Its
-            own motions are certified against the shipped rules, but those of the shipped modules know nothing of its
-            rule; hence it comes first unless told otherwise.
+        before: the module over which it has priority: a shipped one, or a user's module listed above it. If not given,
+            it comes first.
         enabled: False leaves this module out.
         options: raw options, checked by the model that the function takes.
     """
@@ -192,12 +191,12 @@ class RtaTable(Table):
 
     Attributes:
         enabled: False removes the decision modules and nothing else.
-        modules: those that are on; whatever order they are given in, theirs is that of `MODULES`.
+        modules: the shipped modules that are on; their priority is always that of `MODULES`.
         collision: distance to other robots.
         obstacle: clearance to boxes.
         geofence: the fence.
-        battery: the way home.
-        path: the protected planner; a module of its own, since it has no say over the actuator.
+        battery: the charge for the return path.
+        path: the protected planner, which does not compete for the actuator.
         module: the user's own modules, by name.
     """
 
@@ -229,7 +228,7 @@ class RtaTable(Table):
 
     @property
     def order(self) -> tuple[str, ...]:
-        """The names of all modules that are on, in the order of their right to drive."""
+        """The names of all modules that are on, in order of priority."""
         names = list(MODULES)
         for name, table in self.module.items():
             names.insert(names.index(table.before), name)
@@ -238,7 +237,7 @@ class RtaTable(Table):
 
 
 def _by_robot(value: object) -> object:
-    """Accept a list, by robot id from 1, or a table; keys of TOML tables are texts."""
+    """Accept a list, for robot ids from 1, or a table, whose keys are texts in TOML."""
     if isinstance(value, list | tuple):
         return dict(enumerate(value, start=1))
     if isinstance(value, Mapping):
@@ -253,10 +252,10 @@ class BatteryTable(Table):
     """The batteries of simulated robots.
 
     Attributes:
-        drive_s: from full to empty when driving.
-        idle_s: the same when standing still; no less, since a robot that stands does not use more than one that drives.
-        charge_s: from empty to full at the charger.
-        initial: charge from 0 to 1 at the start, by robot id; a robot that is not in it has one drawn from the seed.
+        drive_s: time from full to empty when driving.
+        idle_s: time from full to empty when standing still, at least `drive_s`.
+        charge_s: time from empty to full at the charger.
+        initial: initial charge from 0 to 1, by robot id; robots that are not listed have one drawn from the seed.
     """
 
     drive_s: Lasting = 1800.0
@@ -273,18 +272,18 @@ class BatteryTable(Table):
 
 
 class IsolationTable(Table):
-    """How the supervisor is kept apart from all else on a wall clock, where the mission has a process of its own.
+    """How the supervisor is isolated from the mission, which on a wall clock has a process of its own.
 
     Attributes:
-        memory_mib: address space that the mission may add to what it starts with, in MiB; its planners start within it.
+        memory_mib: address space that the mission may use beyond what it starts with, in MiB; its planners start within
+            it.
         silent_s: host time for which the mission may be silent before it counts as hung.
-        real_time: whether the supervisor is scheduled in real time, before everything else that the host has to do;
-            `auto` is wherever the kernel allows it.
-        sandbox: whether the kernel takes network, files and other processes from the mission, and from planners
-            everywhere; `auto` is as far as it can, `require` refuses to run where it cannot, see
-            `soter.isolation.sandbox`.
-        read: files and folders that the mission may read besides its own, Python and what can be imported; relative to
-            the folder in which SOTER is started.
+        real_time: whether the supervisor is scheduled in real time, before other work of the host; `auto` is wherever
+            the kernel allows it.
+        sandbox: whether the kernel denies the mission, and planners on any clock, network, files and other processes;
+            `auto` is as far as the kernel can, `require` refuses to run if it cannot, see `soter.isolation.sandbox`.
+        read: files and folders that the mission may read besides its own folder, Python and importable modules;
+            relative to the folder in which SOTER is started.
     """
 
     memory_mib: Annotated[int, Field(ge=64, le=1 << 20)] = 2048
@@ -295,11 +294,11 @@ class IsolationTable(Table):
 
 
 class ReseedTable(Table):
-    """One `[[reseed]]`: from a time on, what is drawn for the faults comes from another seed.
+    """One `[[reseed]]`: from a time on, the random numbers of faults come from another seed.
 
     Attributes:
-        at_s: fleet time; what is drawn at that very time is drawn anew.
-        seed: what it is drawn from.
+        at_s: fleet time from which on, inclusive.
+        seed: the new seed.
     """
 
     at_s: Annotated[float, Field(ge=0.0, le=1e7, allow_inf_nan=False)]
@@ -312,7 +311,7 @@ class ProcessTable(Table):
     Attributes:
         robots: the ids of the robots that it commands.
         planner: whether the task planner is in it.
-        bus: options of the bus that this process has in place of the common ones, such as a certificate of its own.
+        bus: this process's own options of the bus, in place of the common ones, such as a certificate.
     """
 
     robots: Annotated[tuple[RobotId, ...], Field(strict=False)] = ()
@@ -321,14 +320,14 @@ class ProcessTable(Table):
 
 
 class DistributionTable(Table):
-    """Which process does what; without any, everything is in one.
+    """The processes of a distributed mission; without any, everything is in one process.
 
     Attributes:
-        processes: by name.
-        via: what joins them: a bus by name, or a class as `module:Class`.
-        bus: its options, raw; checked by the bus's own model.
-        prefix: of the keys on the bus; missions that share a network need different ones.
-        wait_s: host time for which a process waits at its start until all others are there.
+        processes: the processes by name.
+        via: the bus that joins them, by name, or its class as `module:Class`.
+        bus: raw options of the bus; checked by the bus's own model.
+        prefix: prefix of the keys on the bus; missions that share a network need different ones.
+        wait_s: host time for which a process waits at its start for all others.
     """
 
     processes: dict[str, ProcessTable] = Field(default_factory=dict)

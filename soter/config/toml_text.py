@@ -1,4 +1,4 @@
-"""Tables as the text of a TOML file; the standard library only reads them."""
+"""Writes tables as TOML, which the standard library can only read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def toml(tables: Mapping[str, Any]) -> str:
 
     Raises:
         ValueError: a number is not finite.
-        TypeError: a value is of no kind that JSON has.
+        TypeError: a value has a type that JSON does not have.
     """
     return "\n".join(_lines(tables, ())) + "\n"
 
@@ -45,15 +45,15 @@ def _key(key: str) -> str:
 
 
 def inline(value: object) -> str:
-    """Return a value as it stands behind an equals sign; the errors are those of `toml`."""
+    """Return a value as TOML, as after an equals sign; it raises what `toml` raises."""
     if isinstance(value, Mapping):
         return f"{{ {', '.join(f'{_key(key)} = {inline(inner)}' for key, inner in value.items())} }}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(inline, value))}]"
-    # JSON's truth values and finite numbers are TOML's.
+    # JSON's bools and finite numbers are valid TOML.
     return _text(value) if isinstance(value, str) else json.dumps(value, allow_nan=False)
 
 
 def _text(text: str) -> str:
-    # JSON's texts are, but for pairs of surrogates and for the one control character that JSON lets stand.
+    # So are its strings, except surrogate pairs and DEL, the one control character that JSON does not escape.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
