@@ -1,4 +1,4 @@
-"""The cells of a map as arrays of bits: packed, unpacked, and put together to rectangles."""
+"""The cells of a map as arrays of bits: packed, unpacked, and merged into rectangles."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from numpy.typing import NDArray
 
 Bits = NDArray[np.bool_]
 Rectangles = NDArray[np.int64]
-"""Rows of low column, low row, high column, high row; the high ones are not part of it."""
+"""Rows of low column, low row, high column, high row; the high ones are exclusive."""
 
 MAX_CELLS: Final = 36_000_000
 _DRAWN: Final = 4000
 
 
 def pack(occupied: Bits) -> str:
-    """Return cells as `GridMap.packed` of `soter.geometry.grid` has them."""
+    """Return cells in the encoding of `soter.geometry.grid.GridMap.packed`."""
     return base64.b64encode(zlib.compress(np.packbits(occupied).tobytes(), 6)).decode("ascii")
 
 
 @lru_cache(maxsize=2)
 def unpacked(packed: str, rows: int, columns: int) -> Bits:
-    """Return what `pack` has packed.
+    """Return the cells that `pack` has packed.
 
     Raises:
-        ValueError: it is not a map of so many cells.
+        ValueError: it is not a map of this size.
     """
     if not 0 < rows * columns <= MAX_CELLS:
         raise ValueError(f"a map of {columns} x {rows} cells, allowed: up to {MAX_CELLS} cells")
@@ -47,12 +47,12 @@ def unpacked(packed: str, rows: int, columns: int) -> Bits:
 
 
 def merged(occupied: Bits) -> Rectangles:
-    """Return rectangles that together are the occupied cells and do not overlap: equal runs of rows, put together."""
+    """Return disjoint rectangles that cover the occupied cells exactly: equal runs of adjacent rows, merged."""
     if not occupied.any():
         return np.zeros((0, 4), dtype=np.int64)
     padded = np.zeros((occupied.shape[0], occupied.shape[1] + 2), dtype=np.bool_)
     padded[:, 1:-1] = occupied
-    # Where a row changes from free to occupied and back, in turns.
+    # Where a row changes from free to occupied and back, alternately.
     rows, edges = np.nonzero(padded[:, 1:] != padded[:, :-1])
     rows, starts, ends = rows[::2], edges[::2], edges[1::2]
     order = np.lexsort((rows, ends, starts))
@@ -65,13 +65,13 @@ def merged(occupied: Bits) -> Rectangles:
 
 
 def fewest(occupied: Bits) -> Rectangles:
-    """Return the rectangles that rows or columns make, whichever are fewer."""
+    """Return the merged rectangles, by rows or by columns, whichever are fewer."""
     by_rows, by_columns = merged(occupied), merged(occupied.T)
     return by_rows if len(by_rows) <= len(by_columns) else by_columns[:, [1, 0, 3, 2]]
 
 
 def drawn(occupied: Bits, most: tuple[int, int, int, int]) -> list[list[int]]:
-    """Return rectangles for the eye, none beyond `most`: those of larger cells where there are too many to draw."""
+    """Return rectangles to draw, none beyond `most`; of larger cells if there are too many."""
     side = 1
     while len(found := fewest(occupied)) > _DRAWN:
         side *= 2
@@ -83,7 +83,7 @@ def drawn(occupied: Bits, most: tuple[int, int, int, int]) -> list[list[int]]:
 
 
 def window(occupied: Bits, low_column: int, low_row: int, high_column: int, high_row: int) -> Rectangles:
-    """Return rectangles for the occupied cells of a part of a map; of what reaches beyond it, the part inside."""
+    """Return rectangles that cover the occupied cells of a part of a map, clipped to that part."""
     low_column, low_row = max(low_column, 0), max(low_row, 0)
     found = merged(occupied[low_row : max(high_row, low_row), low_column : max(high_column, low_column)])
     found += np.array([low_column, low_row, low_column, low_row])

@@ -1,7 +1,7 @@
-"""Distances to what is occupied in a map, found quickly however many cells it has. Metres, ENU.
+"""Distances to the occupied cells of a map, found quickly however many cells it has. Metres, ENU.
 
-The distance to the occupied cells is exact up to `EXACT_CELLS` cells: what can be nearest is worked out for each cell
-when it is first asked for, and kept. Farther away a lower bound is said:
+The distance to the occupied cells is exact up to `EXACT_CELLS` cells: the candidates for the nearest are computed for
+each cell when it is first needed, and cached. Farther away a lower bound is returned:
 
     f = E + max(0, I - e - E) / sqrt(2)
 
@@ -31,35 +31,35 @@ EXACT_CELLS: Final = 40.0
 _HALF: Final = math.sqrt(0.5)
 _DIAGONAL: Final = math.sqrt(2.0)
 _BLOCK: Final = 8
-"""What is near is worked out for blocks of so many cells a side, then for each cell."""
+"""Side in cells of the blocks for which candidates are computed first, before those of each cell."""
 
 _LOOK: Final = 4
-"""Pieces are looked up in squares of so many cells a side, or larger ones."""
+"""Least side in cells of the squares in which pieces are looked up."""
 
 _MOST: Final = 200_000
-"""So many cells are kept; after that all are forgotten."""
+"""Most cells that are cached; after that the cache is cleared."""
 
 _MOST_BLOCKS: Final = 4000
 _PARTS: Final = (64, 8, 1)
-"""Lines are looked at in parts of so many cells, and those that may come too near in smaller ones."""
+"""Lengths in cells of the parts of lines that are tested; parts that may come too near are divided further."""
 
-_ENDLESS: Final = 2**60
+_INFINITE: Final = 2**60
 _HAIR: Final = 1e-9
 _LITTLE: Final = 0.1
 
 Near = tuple[tuple[tuple[float, float, float, float], ...], tuple[float, float, float, float] | None]
-"""Rectangles of which one is the nearest, and the distances at the corners where it may be farther than exact ones."""
+"""Candidates for the nearest rectangle, and the distances at the corners if these may exceed the exact range."""
 
 _OCCUPIED: Final[Near] = ((), None)
 
 
 class Field(Pieces):
-    """The cells of a map that are occupied.
+    """The occupied cells of a map.
 
     Attributes:
         grid: the map.
         occupied: which cells are occupied, by row and column.
-        corners: distances from the corners of the cells in cells, by row and column, rounded down.
+        corners: distances from the corners of the cells, in cells, by row and column, rounded down.
     """
 
     def __init__(self, grid: GridMap) -> None:
@@ -74,7 +74,7 @@ class Field(Pieces):
             away *= 1.0 - 1e-6
             self.corners: NDArray[np.float32] = away.astype(np.float32)
         else:
-            # Nothing to keep clear of: any distance is a lower bound.
+            # Without an occupied cell, any distance is a lower bound.
             self.corners = np.full(taken.shape, grid.rows + grid.columns, dtype=np.float32)
         self._x_m, self._y_m = grid.x_m, grid.y_m
         self._columns, self._rows = grid.columns, grid.rows
@@ -85,14 +85,14 @@ class Field(Pieces):
         self._looked: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
 
     def place(self, x_m: float, y_m: float) -> Point:
-        """Return where in the map a point is, in cells from its corner."""
+        """Return a point's place in the map, in cells from the map's corner."""
         dx, dy = x_m - self._x_m, y_m - self._y_m
         return dx * self._cos + dy * self._sin, dy * self._cos - dx * self._sin
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return the signed distance from a point, or a lower bound of it where that is far; see above.
+        """Return the signed distance from a point, or a lower bound if it is far; see above.
 
-        Inside, it is the depth in the cell.
+        Inside a cell, it is minus the depth in the cell.
         """
         dx, dy = x_m - self._x_m, y_m - self._y_m
         return self._cell_m * self._away(dx * self._cos + dy * self._sin, dy * self._cos - dx * self._sin)
@@ -101,19 +101,19 @@ class Field(Pieces):
         return self._cell_m * self._surely(*self.place(x_m, y_m)) >= needed_m or self.distance_m(x_m, y_m) >= needed_m
 
     def segment_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
-        """Return the least distance from the points of a straight line, as near as `distance_m` knows it.
+        """Return the least distance from the points of a straight line, exact where `distance_m` is.
 
         See `Pieces.segment_m` for the arguments.
         """
         ends, enough = (*self.place(ax_m, ay_m), *self.place(bx_m, by_m)), enough_m / self._cell_m
         found = self._along(*ends, enough, 0.0)
-        # What is enough is enough, whatever rounding says.
+        # At `enough` or beyond, it is enough, whatever rounding says.
         return enough_m if found >= enough else self._cell_m * found
 
     def line_keeps(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float) -> bool:
         ends, needed = (*self.place(ax_m, ay_m), *self.place(bx_m, by_m)), needed_m / self._cell_m
         if needed > EXACT_CELLS:
-            # The corners know more of what is so far than `distance_m` says.
+            # At this distance the corners give a tighter bound than `distance_m`.
             return bool(self.lines_keep(np.array(((ax_m, ay_m),)), np.array(((bx_m, by_m),)), needed_m)[0])
         return needed <= 0.0 or self._along(*ends, needed, needed) >= needed
 
@@ -125,11 +125,11 @@ class Field(Pieces):
             return keep
         needed = needed_m / self._cell_m
         start, end = (np.stack(self._places(each[:, 0], each[:, 1]), axis=1) for each in (a, b))
-        # Most lines that come too near do so at one of the places a cell apart.
+        # Most lines that come too near do so at one of these places, a cell apart.
         counts = np.ceil(np.hypot(*(end - start).T)).astype(np.intp) + 1
         line, first, wide = np.arange(len(a)), np.zeros(len(a), dtype=np.intp), int(counts.max())
         for size in _PARTS:
-            # Parts of lines that are looked at in their middle: where that is far enough away all of it is.
+            # Test parts of lines at their middles: if a middle is far enough away, so is the whole part.
             parts = -(-np.minimum(wide, counts[line] - first) // size)
             nth = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
             line, first, wide = np.repeat(line, parts), np.repeat(first, parts) + nth * size, size
@@ -138,7 +138,7 @@ class Field(Pieces):
             at = start[line] + share * (end - start)[line]
             low, high = self._between(at[:, 0], at[:, 1])
             keep[line[high < needed]] = False
-            # Between two of them it is no more than half of a cell to one.
+            # A place between two of them is at most half a cell from one.
             near = (low < needed + 0.5 + (size // 2 + 2 if size > 1 else 0)) & keep[line]
             line, first = line[near], first[near]
         for index in np.unique(line).tolist():
@@ -163,11 +163,11 @@ class Field(Pieces):
         return found
 
     def at_least(self, x_m: Floats, y_m: Floats, needed_m: float) -> NDArray[np.bool_]:
-        """Return which of many points in the map are so far away for sure; of those that just are, it may miss some."""
+        """Return which of many points in the map are surely this far away; it may miss some that only just are."""
         return self._between(*self._places(x_m, y_m))[0] >= needed_m / self._cell_m
 
     def nearest_free(self, x_m: float, y_m: float, clearance_m: float) -> Point | None:
-        """Return the corner of a cell inside the map that is at least so far away and nearest to a point, if any."""
+        """Return the cell corner inside the map that is nearest to a point with at least this clearance, if any."""
         u, v = self.place(x_m, y_m)
         reach = 16
         while True:
@@ -180,7 +180,7 @@ class Field(Pieces):
             if len(rows):
                 away = np.hypot(columns + low_column - u, rows + low_row - v)
                 index = int(np.argmin(away))
-                # What lies beyond the part that was looked at is farther than its edge.
+                # Corners outside the part that was searched are farther away than its edge.
                 if everything or away[index] <= reach:
                     return self.grid.corner(int(columns[index]) + low_column, int(rows[index]) + low_row)
             if everything:
@@ -192,10 +192,10 @@ class Field(Pieces):
         return dx * self._cos + dy * self._sin, dy * self._cos - dx * self._sin
 
     def _away(self, u: float, v: float) -> float:
-        """Return the distance from a place of the map, in cells."""
+        """Return the distance from a place of the map to the nearest occupied cell, in cells."""
         columns, rows, beyond = self._columns, self._rows, 0.0
         if not (0.0 <= u <= columns and 0.0 <= v <= rows):
-            # Beside the map there is nothing: the place of it that is nearest, and the way there, at right angles.
+            # Nothing outside is occupied: combine the distance from the nearest place in the map with the way there.
             inside_u, inside_v = min(max(u, 0.0), columns), min(max(v, 0.0), rows)
             beyond = math.hypot(u - inside_u, v - inside_v)
             u, v = inside_u, inside_v
@@ -224,18 +224,18 @@ class Field(Pieces):
         return math.hypot(least, beyond) if beyond else least
 
     def _surely(self, u: float, v: float) -> float:
-        """Return a lower bound of what `_away` says of a place, from the corner of a cell that is nearest to it."""
+        """Return a lower bound of `_away`, from the cell corner that is nearest to the place."""
         columns, rows = self.grid.columns, self.grid.rows
         u = 0.0 if u < 0.0 else min(u, columns)
         v = 0.0 if v < 0.0 else min(v, rows)
         column, row = round(u), round(v)
         low = self.corners.item(row, column) - math.hypot(u - column, v - row)
-        # Far away that is a bound itself: the corners that it is made of are no more than a cell's diagonal apart.
+        # Far away `_away` is itself a bound from the cell's corners, which are at most a cell's diagonal apart.
         beyond = low - EXACT_CELLS
         return low if beyond <= 0.0 else EXACT_CELLS + max(0.0, beyond - _DIAGONAL - _HALF - _LITTLE) * _HALF
 
     def _between(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Return how far many places are away at least, and at most: what the corners of their cells allow."""
+        """Return lower and upper bounds of the distances of many places, from the corners of their cells."""
         in_u, in_v = np.clip(u, 0.0, self.grid.columns), np.clip(v, 0.0, self.grid.rows)
         column = np.minimum(in_u.astype(np.intp), self.grid.columns - 1)
         row = np.minimum(in_v.astype(np.intp), self.grid.rows - 1)
@@ -247,10 +247,7 @@ class Field(Pieces):
         return low, high
 
     def _along(self, au: float, av: float, bu: float, bv: float, enough: float, little: float) -> float:
-        """Return the least distance along a line, in cells, or `enough` if it is more.
-
-        If it is less than `little`, 0 is returned.
-        """
+        """Return the least distance along a line, in cells; `enough` if it is more, 0 if it is less than `little`."""
         here = self._surely(au, av)
         if here < enough:
             here = self._away(au, av)
@@ -262,7 +259,7 @@ class Field(Pieces):
         du, dv = (bu - au) / length, (bv - av) / length
         columns, rows = self.grid.columns, self.grid.rows
         while True:
-            # The distance changes by a metre a metre at most: until there nothing is nearer than what was found.
+            # The distance changes by at most a metre per metre: up to there nothing is nearer than the least so far.
             at += here - least
             if at >= length:
                 return least
@@ -272,7 +269,7 @@ class Field(Pieces):
                 if here > least + 1.0:
                     continue
                 here = self._away(u, v)
-            # On the edge of a cell it is the next one that counts.
+            # On the edge of a cell, the next cell counts.
             column, row = math.floor(u + math.copysign(_HAIR, du)), math.floor(v + math.copysign(_HAIR, dv))
             if 0 <= column < columns and 0 <= row < rows:
                 to_u = (column + (du > 0.0) - u) / du if du else math.inf
@@ -283,10 +280,10 @@ class Field(Pieces):
                 end, near, far = min(at + max(1.0, 0.25 * here), length), (), (0.0, 0.0, 0.0, 0.0)
             then = self._away(au + end * du, av + end * dv)
             if far is not None:
-                # Of two places so far from each other, none between them is nearer than this.
+                # No place between these two is nearer than this.
                 least = min(least, max((here + then - (end - at)) / 2.0, 0.0))
             else:
-                # Nearest is one of the two ends, or a corner of a box.
+                # The nearest place is one of the two ends, or next to a corner of a box.
                 least = min(least, then)
                 for low_u, low_v, high_u, high_v in near:
                     for cu, cv in ((low_u, low_v), (low_u, high_v), (high_u, low_v), (high_u, high_v)):
@@ -298,7 +295,7 @@ class Field(Pieces):
             at, here = end, then
 
     def _near(self, column: int, row: int) -> Near:
-        """Return what can be nearest to a place of a cell, and keep it."""
+        """Return what may be nearest to a place in a cell; cached."""
         key = row * self.grid.columns + column
         found = self._known.get(key)
         if found is None:
@@ -320,7 +317,7 @@ class Field(Pieces):
         return near, (a, b, c, d) if least + 2.0 * _DIAGONAL > EXACT_CELLS else None
 
     def _block(self, column: int, row: int) -> tuple[Rectangles, NDArray[np.bool_]]:
-        """Return boxes around a block of cells, and which may be the nearest to a place of each cell, by row."""
+        """Return the boxes around a block of cells, and which may be nearest to a place in each cell, by row."""
         found = self._blocks.get((column, row))
         if found is None:
             if len(self._blocks) >= _MOST_BLOCKS:
@@ -334,14 +331,14 @@ class Field(Pieces):
             )  # fmt: skip
             apart_u, most_u = _apart(low_column, boxes[:, 0], boxes[:, 2])
             apart_v, most_v = _apart(low_row, boxes[:, 1], boxes[:, 3])
-            # Anywhere in a cell the nearest is no farther than the least of the farthest.
-            most = (most_v[:, None] + most_u).min(axis=2, initial=_ENDLESS)
+            # Anywhere in a cell, the nearest box is at most as far as the least of the boxes' upper bounds.
+            most = (most_v[:, None] + most_u).min(axis=2, initial=_INFINITE)
             found = self._blocks[column, row] = boxes, apart_v[:, None] + apart_u <= most[..., None]
         return found
 
 
 def _apart(low: int, starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the squares of how far boxes are from the cells of a block along one axis: at least, and at most."""
+    """Return the squares of the least and largest distances of boxes from the cells of a block along one axis."""
     cells = low + np.arange(_BLOCK)[:, None]
     least = np.maximum(np.maximum(starts - cells - 1, cells - ends), 0)
     most = np.maximum(np.maximum(starts - cells, cells + 1 - ends), 0)
@@ -350,5 +347,5 @@ def _apart(low: int, starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tupl
 
 @lru_cache(maxsize=2)
 def field_of(grid: GridMap) -> Field:
-    """Return the distances of a map; they take seconds to work out, and are kept."""
+    """Return the distances of a map; cached, since they take seconds to compute."""
     return Field(grid)

@@ -1,8 +1,8 @@
 """Distances to sets of convex polygons, found quickly however many there are. Metres, ENU.
 
-A polygon of any shape is a set of convex pieces. The signed distance to one of them is convex and 1-Lipschitz, so the
-least of several is 1-Lipschitz, and what the assurance argument says of boxes holds of pieces, too. It is exact outside
-of all pieces; inside it is the depth in the deepest piece, which is no more than the depth in all of them together.
+A polygon of any shape is a set of convex pieces. The signed distance to a piece is convex and 1-Lipschitz, so the least
+of several is 1-Lipschitz, and the assurance argument about boxes holds for pieces, too. The distance is exact outside
+all pieces; inside it is the depth in the deepest piece, which is no more than the depth in their union.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ _FEW: Final = 3
 _floor, _sqrt = math.floor, math.sqrt
 _SEVERAL: Final = 16
 _MANY: Final = 32
-"""More edges are looked at all at once, and of more than these none is taken out one by one."""
+"""Number of edges above which they are tested as arrays, and not filtered one by one."""
 
 _PART: Final = 8.0
 _LONG: Final = 64.0
-"""Lines are looked at in parts of so many cells, and longer lines than this at once where there are many pieces."""
+"""Length in cells of the parts of lines that are tested; with many pieces, longer lines are tested as arrays."""
 
 _LINES: Final = 64
-"""Of many lines so many are looked at at once: those next to each other are near the same pieces."""
+"""How many of many lines are tested together: neighbouring lines are near the same pieces."""
 
 _WIDER: Final = 4
-"""What a cell has to choose from is what one that is so many times as wide has chosen, and so on; so parts of cells."""
+"""Ratio of the widths of cells of successive levels; a cell's candidates are chosen from those of the wider one."""
 
 _TOP: Final = 8
-"""The level of the widest cells, 33 km for the smallest ones; each of them chooses from all pieces."""
+"""The level of the widest cells, 33 km for the smallest ones; they choose from all pieces."""
 
 _MOST: Final = 200_000
-"""So many parts are kept; after that all are forgotten."""
+"""Most parts of cells that are cached; after that the cache is cleared."""
 
 
 class Piece:
@@ -50,7 +50,7 @@ class Piece:
         self.ring: Final = ring
         self.bounds: Final = (min(xs), min(ys), max(xs), max(ys))
         self.middle: Final = ((min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0)
-        # A hair more, so that rounding cannot leave a corner out.
+        # Slightly larger, so that rounding cannot leave a corner out.
         self.radius_m: Final = max(math.dist(self.middle, each) for each in ring) * (1.0 + 1e-12) + 1e-9
         edges = []
         for (ax, ay), (bx, by) in zip(ring, (*ring[1:], ring[0]), strict=True):
@@ -91,7 +91,7 @@ class Piece:
         return (away, (px - x_m) / away, (py - y_m) / away) if away > 0.0 else (most, *nearest)
 
     def segment_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float) -> float:
-        """Return the least distance from the points of a straight line; 0 where it meets the inside."""
+        """Return the least distance from the points of a straight line; 0 if it meets the inside."""
         dx, dy = bx_m - ax_m, by_m - ay_m
         enter, leave = 0.0, 1.0
         for ax, ay, ux, uy, _ in self.edges:
@@ -108,7 +108,7 @@ class Piece:
                 break
         if enter < leave:
             return 0.0
-        # Apart: the least distance is from an end of the line to the polygon, or from a corner to the line.
+        # They do not meet: the least distance is from an end of the line to the polygon, or from a corner to the line.
         least = max(min(self.distance_m(ax_m, ay_m), self.distance_m(bx_m, by_m)), 0.0)
         square = dx * dx + dy * dy
         if square > 0.0:
@@ -119,7 +119,7 @@ class Piece:
         return least
 
     def _near(self, x_m: float, y_m: float) -> Iterable[Point]:
-        """Yield, for every edge that the point is outside of, the point of that edge that is nearest to it."""
+        """Yield the nearest point of every edge that the given point is outside of."""
         for ax, ay, ux, uy, length in self.edges:
             dx, dy = x_m - ax, y_m - ay
             if uy * dx - ux * dy >= 0.0:
@@ -128,28 +128,28 @@ class Piece:
 
 
 Near = tuple[tuple[Edge, ...], tuple[Piece, ...]]
-"""Edges of pieces that a cell is outside of, and other pieces, of which one is the nearest."""
+"""Candidates for the nearest: edges of pieces that a cell lies outside of, and other pieces."""
 
 
 class _Chosen(NamedTuple):
-    """What may be nearest to a point of a cell: pieces by their places among all, and what is looked at of them."""
+    """Candidates for the nearest to a point of a cell: the pieces' indices, and their edges."""
 
     pieces: Indices
     near: Near
 
 
 def _ever_nearest(edges: tuple[Edge, ...], x_m: float, y_m: float, half_m: float) -> tuple[Edge, ...]:
-    """Return the edges that may be nearest to a point of a square, of pieces that no point of it is inside of.
+    """Return the edges that may be nearest to a point of a square, of pieces that the square lies outside of.
 
-    A point is nearest to the inside of an edge straight across from it, or to a corner; each edge stands for its first
-    corner. The distance d from an edge is convex, and the unit vector g away from it is its gradient: at v from the
-    middle it is d + g.v at least. From the edge that is nearest to the middle it is no more than from the nearest
-    point of that, d + g.v + v^2 / 2d.
+    The nearest point of a piece is on an edge straight across, or a corner; each edge stands for its first corner. The
+    distance d from an edge is convex, with the unit vector g away from it as gradient: at v from the middle it is at
+    least d + g.v. From the edge nearest to the middle it is at most the distance from that edge's nearest point,
+    d + g.v + v^2 / 2d.
 
     Args:
-        edges: of each corner that is nearest to a point of the square the edge that starts there, and others.
-        x_m: the middle of the square.
-        y_m: the same.
+        edges: the edges that start at corners which may be nearest to a point of the square, and others.
+        x_m: the middle of the square, east.
+        y_m: the middle of the square, north.
         half_m: half of its side.
     """
     seen = []
@@ -172,8 +172,8 @@ def _ever_nearest(edges: tuple[Edge, ...], x_m: float, y_m: float, half_m: float
 class Pieces:
     """A fixed set of convex polygons.
 
-    What is near is looked up in cells, each of which is worked out when it is first asked for and then kept; so what
-    a question costs depends on how much is near, not on how many pieces there are.
+    Near pieces are looked up in cells, each of which is computed on first use and cached; so the cost of a query
+    depends on how many pieces are near, not on how many there are.
 
     Args:
         rings: the polygons.
@@ -222,14 +222,14 @@ class Pieces:
         return least
 
     def keeps(self, x_m: float, y_m: float, needed_m: float) -> bool:
-        """Return whether a point keeps its distance from all pieces; cheaper than that where no other is near."""
+        """Return whether a point keeps its distance from all pieces; cheaper than `distance_m` if few are near."""
         return all(
             math.dist((x_m, y_m), piece.middle) - piece.radius_m >= needed_m or piece.distance_m(x_m, y_m) >= needed_m
             for piece in self.within(x_m, y_m, max(needed_m, _PART * self._cell_m))
         )
 
     def within(self, x_m: float, y_m: float, reach_m: float) -> tuple[Piece, ...]:
-        """Return all pieces that are no farther from a point, and maybe others."""
+        """Return all pieces within `reach_m` of a point, and maybe others."""
         if len(self.all) <= _FEW:
             return self.all
         size = max(0, math.ceil(math.log2(max(reach_m, self._cell_m) / self._cell_m)))
@@ -243,7 +243,7 @@ class Pieces:
         return found
 
     def walls(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[float, float, float]]:
-        """Return, of every piece no farther than `reach_m`, the signed distance and where it falls fastest."""
+        """Return, for every piece within `reach_m`, the signed distance and the direction in which it falls fastest."""
         found = []
         for piece in self.within(x_m, y_m, reach_m):
             if math.dist((x_m, y_m), piece.middle) <= reach_m + piece.radius_m:
@@ -253,18 +253,18 @@ class Pieces:
         return found
 
     def segment_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
-        """Return the least distance from the points of a straight line to any piece; at most 0 where they meet.
+        """Return the least distance from the points of a straight line to any piece; at most 0 if they meet.
 
-        Of what is farther than `enough_m`, that is returned.
+        A result above `enough_m` is returned as `enough_m`.
         """
         return self._along_m(ax_m, ay_m, bx_m, by_m, enough_m, 0.0)
 
     def _along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float, little_m: float) -> float:
-        """Return what `segment_m` does; where that is less than `little_m`, something else that is."""
+        """Return what `segment_m` returns; any value below `little_m` if that is below it."""
         dx, dy, least = bx_m - ax_m, by_m - ay_m, enough_m
         length, part_m = math.hypot(dx, dy), _PART * self._cell_m
         if length <= part_m or least == math.inf:
-            # The distance changes by a metre a metre at most.
+            # The distance changes by at most a metre per metre.
             here_m = self.distance_m(ax_m, ay_m)
             least = min(here_m, least)
             if least <= 0.0 or here_m - length >= least:
@@ -278,12 +278,12 @@ class Pieces:
             share = (part + 0.5) / parts
             reach_m = least + 0.5 * length / parts
             for piece in self.all if few else self.within(ax_m + share * dx, ay_m + share * dy, reach_m):
-                # By the discs that hold the pieces first: of most that is all that need be known.
+                # Test the pieces' discs first, which rules out most.
                 x_m, y_m = piece.middle
                 x_m, y_m = x_m - ax_m, y_m - ay_m
                 along = min(max((x_m * dx + y_m * dy) * per_square, 0.0), 1.0)
                 x_m, y_m, off_m = x_m - along * dx, y_m - along * dy, least + piece.radius_m
-                # Written so that what is not a number is looked at.
+                # Written so that NaN is not ruled out.
                 if not x_m * x_m + y_m * y_m >= off_m * off_m:
                     least = min(least, piece.segment_m(ax_m, ay_m, bx_m, by_m))
                     if least <= 0.0 or least < little_m:
@@ -313,10 +313,10 @@ class Pieces:
         return keep
 
     def _near_lines(self, a: Floats, b: Floats, reach_m: float) -> tuple[Indices, Floats]:
-        """Return the pairs of lines and pieces that may be no farther apart: which line it is, and how far."""
+        """Return the lines' indices and the distances of the pairs of lines and pieces that may be within `reach_m`."""
         low, high = np.minimum(a, b).min(axis=0) - reach_m, np.maximum(a, b).max(axis=0) + reach_m
         near = np.flatnonzero((self._low < high).all(axis=1) & (self._high > low).all(axis=1))
-        # By the discs that hold the pieces first: of most pairs that is all that need be known.
+        # Test the pieces' discs first, which rules out most pairs.
         dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
         from_x, from_y = self._middle[near, 0] - a[:, :1], self._middle[near, 1] - a[:, 1:]
         along = (from_x.T * dx + from_y.T * dy) / np.maximum(dx * dx + dy * dy, 1e-300)
@@ -335,14 +335,14 @@ class Pieces:
         return away
 
     def _near_part(self, column: int, row: int) -> Near:
-        """Return what may be nearest to a point of a part of a cell, and keep it."""
+        """Return what may be nearest to a point of a part of a cell; cached."""
         if len(self._parts) >= _MOST:
             self._parts.clear()
         near = self._parts[column, row] = self._chosen(column, row, -1).near
         return near
 
     def _chosen(self, column: int, row: int, level: int) -> _Chosen:
-        """Return what may be nearest to a point of a cell of a level; that of a larger one where it is few already."""
+        """Return the candidates of a cell of a level; those of a larger cell if they are few already."""
         found = self._cells.get((column, row, level))
         if found is None:
             above = self._chosen(column // _WIDER, row // _WIDER, level + 1) if level < self._top else self._whole
@@ -353,13 +353,13 @@ class Pieces:
         return found
 
     def _choose(self, above: _Chosen, column: int, row: int, level: int) -> _Chosen:
-        """Return what may be nearest to a point of a cell, of what may be to one of the larger cell around it."""
+        """Return the candidates of a cell, chosen from those of the larger cell around it."""
         side_m = self._cell_m * float(_WIDER) ** level
         x_m, y_m, half_m = (column + 0.5) * side_m, (row + 0.5) * side_m, side_m / 2.0
         near, (edges, pieces) = above
         if pieces or len(edges) > _MANY:
             away, seen = self._edges.look(near, x_m, y_m)
-            # Anywhere in the cell the nearest is no farther than this.
+            # Anywhere in the cell, the nearest is at most this far.
             reach_m = (max(float(away.min()), 0.0) + side_m * math.sqrt(2.0)) * (1.0 + 1e-9)
             beside = away > side_m * math.sqrt(0.5) * (1.0 + 1e-9)
             edges = seen.facing(beside, reach_m, half_m)

@@ -1,4 +1,4 @@
-"""Polygons into convex pieces: when a workspace is read, never while a mission runs."""
+"""Decomposes polygons into convex pieces, when a workspace is read and never while a mission runs."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ def anticlockwise(ring: Ring) -> Ring:
 
 
 def pieces_of(ring: Ring) -> tuple[Ring, ...]:
-    """Return convex polygons that together are the inside of a ring."""
+    """Return convex polygons that cover the inside of a ring exactly."""
     return _convex(Polygon(ring))
 
 
 def pieces_around(ring: Ring) -> tuple[Ring, ...]:
-    """Return convex polygons that together are the bounding box of a ring without its inside."""
+    """Return convex polygons that cover a ring's bounding box, minus the ring's inside, exactly."""
     return _convex(shapely.box(*Polygon(ring).bounds).difference(Polygon(ring)))
 
 
 def inset(ring: Ring, by_m: float) -> list[Ring]:
-    """Return the outlines of what of the inside of a ring is at least `by_m` away from it."""
+    """Return the outlines of the part of a ring's inside that is at least `by_m` away from the ring."""
     inner = Polygon(ring).buffer(-by_m)
     parts = inner.geoms if isinstance(inner, MultiPolygon) else [inner]
     return [tuple(part.exterior.coords[:-1]) for part in parts if not part.is_empty]
 
 
 def free_near(fence: Ring | None, rings: Iterable[Ring], at: Point, away_m: float) -> Point | None:
-    """Return the nearest place inside a fence that is so far from all rings, or a hair more; None if there is none."""
+    """Return the nearest place inside a fence at least this far from all rings, or slightly more; None if none."""
     inside = Point_(at).buffer(_ANYWHERE_M) if fence is None else Polygon(fence)
-    # A buffer has corners where it ought to be round: a little larger it holds what is round.
+    # A buffer is a polygon, not round: slightly enlarged it contains the round one.
     kept = shapely.union_all([Polygon(ring).buffer(_ROUND * away_m) for ring in rings])
     free = inside.difference(kept)
     if free.is_empty:
@@ -64,9 +64,9 @@ def _convex(shape: shapely.Geometry) -> tuple[Ring, ...]:
 
 
 def _merged(triangles: list[Ring]) -> tuple[Ring, ...]:
-    """Return the polygons that are left when neighbours are merged as long as the result is convex.
+    """Return the polygons that are left after merging neighbours as long as the result is convex.
 
-    Hertel and Mehlhorn, "Fast triangulation of simple polygons", FCT 1983: at most four times as many as need be.
+    Hertel and Mehlhorn, "Fast triangulation of simple polygons", FCT 1983: at most four times the least number.
     """
     rings: dict[int, list[Point]] = {index: list(ring) for index, ring in enumerate(triangles)}
     owner: dict[tuple[Point, Point], int] = {}
@@ -77,7 +77,7 @@ def _merged(triangles: list[Ring]) -> tuple[Ring, ...]:
         first, second = owner.get((one, other)), owner.get((other, one))
         if first is None or second is None or first == second:
             continue
-        # From the end of the shared edge to its beginning, by each of the two.
+        # Each of the two rings, from the end of the shared edge to its beginning.
         left, right = _from(rings[first], other), _from(rings[second], one)
         joined = left + right[1:-1]
         if _is_convex(joined):

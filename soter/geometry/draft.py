@@ -1,4 +1,4 @@
-"""What a file says of a world, whatever its format, and the site that is made of it: checked feature by feature."""
+"""Drafts of workspaces, as files of any format describe them, and the sites made of them, checked by feature."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from soter.problems import Problem, config_error
 
 MAX_COORDINATE_M: Final = 20_000.0
 MAX_CORNERS: Final = 20_000
-"""Of all features together: more take minutes to prepare."""
+"""Most corners of all features together: more take minutes to prepare."""
 
 STATION_SIDE_M: Final = 0.5
 SAGITTA_M: Final = 0.01
-"""A circle becomes a polygon that is off it by no more than this: outside of what is kept out, inside of a fence."""
+"""Largest error of the polygon that replaces a circle; it lies outside for a keep-out, inside for a fence."""
 
 _LEAST_CORNERS: Final = 12
 _MOST_CORNERS: Final = 720
@@ -33,13 +33,13 @@ _ROUNDING_M: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """A polygon as a file has it.
+    """A polygon as given in a file.
 
     Attributes:
-        name: what to call it in messages, such as `keep_out 3 (pond)`.
+        name: its name in messages, such as `keep_out 3 (pond)`.
         ring: its corners in metres, in either sense; the first may be repeated at the end.
         height_m: height above the ground.
-        line: where in the file it is, if that is known.
+        line: its line in the file, if known.
     """
 
     name: str
@@ -50,16 +50,16 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A station or a start as a file has it.
+    """A station or a start as given in a file.
 
     Attributes:
-        name: what to call it in messages.
+        name: its name in messages.
         x_m: east.
         y_m: north.
-        robot_id: whose it is, if the file says so.
-        heading_rad: of a start.
-        side_m: of a station, which is square.
-        line: where in the file it is, if that is known.
+        robot_id: its robot, if the file says so.
+        heading_rad: heading of a start.
+        side_m: side of a station, which is square.
+        line: its line in the file, if known.
     """
 
     name: str
@@ -73,17 +73,17 @@ class Spot:
 
 @dataclass(slots=True)
 class Draft:
-    """A world as a file has it, in metres.
+    """A workspace as given in a file, in metres.
 
     Attributes:
         source: the file, for messages.
         fences: outer boundaries; a site has one, or none.
-        keep_outs: what robots keep out of.
+        keep_outs: areas that robots keep out of.
         stations: where robots charge.
-        starts: where they start; without any they start on their stations.
-        origin: where on earth the point (0, 0) is, if the file has places on earth.
-        map: what robots keep out of, where that is a map.
-        problems: what is wrong already.
+        starts: where robots start; without any they start on their stations.
+        origin: the geographic position of the point (0, 0), if the file has geographic positions.
+        map: a map of what robots keep out of, instead of areas.
+        problems: the problems found so far.
     """
 
     source: str
@@ -96,11 +96,11 @@ class Draft:
     problems: list[Problem] = field(default_factory=list)
 
     def note(self, name: str, message: str, line: int | None = None) -> None:
-        """Note what is wrong with a feature."""
+        """Note a problem of a feature."""
         self.problems.append(Problem(message, name, line))
 
     def add(self, outline: Outline, holes: Sequence[Sequence[Point]], *, fence: bool) -> None:
-        """Add an outer boundary, whose holes are kept out of as well, or what is kept out, which has none."""
+        """Add an outer boundary, whose holes become keep-outs, or a keep-out, which must not have any."""
         if fence:
             self.fences.append(outline)
             named = enumerate(holes, start=1)
@@ -112,16 +112,16 @@ class Draft:
 
 
 def circle(x_m: float, y_m: float, radius_m: float, *, around: bool) -> Ring:
-    """Return a polygon for a circle: one that holds it, or one that it holds.
+    """Return a polygon around a circle, or inside it.
 
-    It is off the circle by `SAGITTA_M` at most, or, with very large and very small radii, by so much as the number of
-    corners allows; always to the safe side.
+    Its error is at most `SAGITTA_M`, or, for very large and very small radii, as little as the number of corners
+    allows; always to the safe side.
 
     Args:
         x_m: the middle, east.
         y_m: the middle, north.
         radius_m: the radius.
-        around: whether the polygon holds the circle.
+        around: whether the polygon contains the circle; else the circle contains the polygon.
     """
     wanted = math.pi / math.acos(max(1.0 - SAGITTA_M / radius_m, 0.0)) if radius_m > SAGITTA_M else 0.0
     corners = min(max(math.ceil(wanted), _LEAST_CORNERS), _MOST_CORNERS)
@@ -134,21 +134,21 @@ def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float, inhabited: bo
     """Return the site that a draft describes.
 
     Args:
-        draft: what a file says.
-        phi_safer_m: body clearance from which the obstacle module lets a robot work; starts and stations must have
-            more.
+        draft: the draft.
+        phi_safer_m: body clearance from which the obstacle module gives a robot to its AC; starts and stations must
+            have more.
         spacing_m: the least distance between the centres of two starts, and of two stations.
         inhabited: whether there must be a station.
 
     Raises:
-        ConfigError: something in it is not allowed; all that is wrong is listed, by feature.
+        ConfigError: something in it is not allowed; all problems are listed, by feature.
     """
     _check_size(draft)
     if len(draft.fences) > 1:
         names = ", ".join(each.name for each in draft.fences)
         draft.note("fence", f"there are {len(draft.fences)} outer boundaries ({names}), allowed: one; merge them")
     _stop(draft)
-    # Imported here: only who reads polygons needs the library.
+    # Imported here: only polygons need the library.
     try:
         from soter.geometry import decompose
     except ImportError as failure:
@@ -196,13 +196,13 @@ def _check_size(draft: Draft) -> None:
             "simplify them",
             most.line,
         )
-    # What could not be read may have been any of these.
+    # Features that could not be read may have been any of these.
     if not (draft.problems or draft.fences or draft.keep_outs or draft.stations):
         draft.note("file", "there is neither a boundary nor anything to keep out of, nor a station in it")
 
 
 def _ring(draft: Draft, outline: Outline) -> Ring | None:
-    """Return the corners of a polygon, each once; None where it is not one, which is noted."""
+    """Return the corners of a polygon, each once; note a problem and return None if it is no polygon."""
     import shapely  # type: ignore[import-untyped]
 
     name, line = outline.name, outline.line
@@ -248,7 +248,7 @@ def _spike(corners: Sequence[Point]) -> Point | None:
 
 
 def _check_inside(draft: Draft, fence: Ring | None, areas: Iterable[tuple[Outline, Ring]]) -> None:
-    """Note areas that lie outside of the fence altogether: most likely they are somewhere else than they are meant."""
+    """Note areas entirely outside the fence, which are most likely misplaced."""
     if fence is None:
         return
     import shapely

@@ -1,4 +1,4 @@
-"""Places on earth as metres: WGS 84 to local east and north around an origin."""
+"""Projects geographic positions to metres: WGS 84 to local east and north around an origin."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from soter.geometry.site import GeoOrigin
 from soter.geometry.workspace import Point
 
 FARTHEST_M: Final = 28_300.0
-"""From the origin to the corner of the largest site.
+"""Distance from the origin to the corner of the largest site.
 
-A distance on the tangent plane is less than on the ellipsoid by at most 0.1 m there. That grows with the cube of the
-distance: 4 mm at 10 km, and nothing to speak of at 1 km.
+There, a distance on the tangent plane is less than on the ellipsoid by at most 0.1 m. The error grows with the cube of
+the distance: 4 mm at 10 km, negligible at 1 km.
 """
 
 
@@ -47,14 +47,14 @@ class Projection:
 
     def point(self, lat_deg: float, lon_deg: float) -> Point:
         """Return east and north in metres of a place on the ellipsoid."""
-        # Of whole numbers the library would take the smallest kind of float that holds them.
+        # Given integers, the library would compute with the smallest float type that holds them.
         lat_deg, lon_deg = float(lat_deg), float(lon_deg)
         east, north, _ = self._to_plane(lat_deg, lon_deg, 0.0, self.origin.lat_deg, self.origin.lon_deg, 0.0)
         return float(east), float(north)
 
     def place(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Return latitude and longitude in degrees of the place on the ellipsoid below or above a point."""
-        # Where the line up or down through the point meets the ellipsoid, measured in its axes: a quadratic equation.
+        # Intersect the vertical line through the point with the ellipsoid, scaled by its axes: a quadratic equation.
         at = [
             (o + x_m * e + y_m * n) / length
             for o, e, n, length in zip(self._touches_m, self._east, self._north, self._lengths_m, strict=True)
@@ -68,9 +68,9 @@ class Projection:
         return math.degrees(math.atan2(z * long_m, math.hypot(x, y) * short_m)), math.degrees(math.atan2(y, x))
 
     def axes(self, x_m: float, y_m: float) -> tuple[Point, Point]:
-        """Return a metre north and a metre east on the ellipsoid, at the place of a point, as seen on the plane.
+        """Return one metre north and one metre east on the ellipsoid, at a point, as vectors on the plane.
 
-        Meridians draw together: away from the origin the plane's north is another.
+        Meridians converge: away from the origin, true north is not the plane's north.
         """
         lat_deg, lon_deg = self.place(x_m, y_m)
         lat_rad, lon_rad = math.radians(lat_deg), math.radians(lon_deg - self.origin.lon_deg)
@@ -81,12 +81,12 @@ class Projection:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Return whether what a file says is a number: `true` is none, although Python takes it for 1."""
+    """Return whether a value from a file is a number; `true` is not, although Python counts it as 1."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def check_degrees(name: str, lat_deg: object, lon_deg: object) -> str:
-    """Return what is wrong with a latitude and a longitude, or nothing."""
+    """Return what is wrong with a latitude and a longitude; empty if nothing is."""
     if not is_number(lat_deg) or not is_number(lon_deg):
         return f"{name} is {lat_deg!r}, {lon_deg!r}, allowed: latitude and longitude as numbers of degrees"
     if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
@@ -101,7 +101,7 @@ def check_degrees(name: str, lat_deg: object, lon_deg: object) -> str:
 
 
 def middle_of(places: Iterable[Sequence[float]]) -> GeoOrigin:
-    """Return the middle of places, given as latitude and longitude, to the seventh decimal: a centimetre."""
+    """Return the middle of places, given as latitude and longitude, to the seventh decimal, about a centimetre."""
     known = list(places)
     lats, lons = [lat for lat, _ in known], [lon for _, lon in known]
     return GeoOrigin(round((min(lats) + max(lats)) / 2.0, 7), round((min(lons) + max(lons)) / 2.0, 7))

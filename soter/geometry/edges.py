@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Edge = tuple[float, float, float, float, float]
-"""Where it starts, its direction, its length. What it is an edge of is on its left."""
+"""Start, direction and length of an edge; its piece is on its left."""
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -20,12 +20,12 @@ class EdgesSeen(NamedTuple):
     """The edges of some pieces, seen from a point.
 
     Attributes:
-        table: one edge a row: where it starts, its direction, its length.
+        table: one edge a row: start, direction, length.
         starts: the first row of each piece.
-        piece: the piece of each row, by its place among those that were asked for.
+        piece: the piece of each row, as an index into the pieces looked at.
         away: distance of each edge.
         along: how far along each edge the point is.
-        off: how far it is beyond the line of each edge.
+        off: how far the point is outside the line of each edge.
     """
 
     table: Floats
@@ -36,17 +36,17 @@ class EdgesSeen(NamedTuple):
     off: Floats
 
     def facing(self, beside: NDArray[np.bool_], reach_m: float, half_m: float) -> tuple[Edge, ...]:
-        """Return the edges that may be nearest to a point of a square around the point that was looked from.
+        """Return the edges that may be nearest to a point of a square around the viewpoint.
 
         Args:
-            beside: which of the pieces; the square is outside of each.
-            reach_m: edges that are farther from the point are not.
+            beside: which pieces to consider; the square is outside of each.
+            reach_m: edges farther than this from the viewpoint are left out.
             half_m: half of the square's side.
         """
         rows, length = self.table, self.table[:, 4]
         wide = half_m * (np.abs(rows[:, 2]) + np.abs(rows[:, 3])) + 1e-9
-        # A point is nearest to the inside of an edge straight across from it, and to a corner where it is past the
-        # edge that ends there and before the one that starts: each edge stands for its first corner, too.
+        # The nearest point is on an edge straight across, or is a corner if the viewpoint is past the edge that ends
+        # there and before the one that starts: each edge stands for its first corner, too.
         before = np.arange(-1, len(rows) - 1)
         before[self.starts[:-1]] = self.starts[1:] - 1
         before[self.starts[-1]] = len(rows) - 1
@@ -66,14 +66,14 @@ class Edges:
         self._table: Final[Floats] = np.array([edge for piece in pieces for edge in piece]).reshape(-1, 5)
 
     def rows(self, pieces: Indices) -> tuple[Floats, Indices, Indices]:
-        """Return the edges of some pieces, the first row of each piece, and the piece of each row, by its place."""
+        """Return the edges of some pieces, the first row of each piece, and the piece of each row, as an index."""
         counts = self._counts[pieces]
         starts = np.cumsum(counts) - counts
         piece = np.repeat(np.arange(len(pieces)), counts)
         return self._table[np.arange(len(piece)) + (self._starts[pieces] - starts)[piece]], starts, piece
 
     def look(self, pieces: Indices, x_m: float, y_m: float) -> tuple[Floats, EdgesSeen]:
-        """Return the signed distances of a point from some pieces, and how it sees their edges."""
+        """Return the signed distances of a point from some pieces, and their edges as seen from it."""
         rows, starts, piece = self.rows(pieces)
         dx, dy = x_m - rows[:, 0], y_m - rows[:, 1]
         along, off = rows[:, 2] * dx + rows[:, 3] * dy, rows[:, 3] * dx - rows[:, 2] * dy
@@ -84,20 +84,20 @@ class Edges:
         return signed, EdgesSeen(rows, starts, piece, away, along, off)
 
     def lines_m(self, pieces: Indices, a: Floats, b: Floats) -> Floats:
-        """Return the distance of each of some straight lines from the piece in the same place; 0 where they meet."""
+        """Return the distance of each straight line from the piece with the same index; 0 if they meet."""
         rows, starts, pair = self.rows(pieces)
         x, y, ux, uy, length = rows.T
         a, b = a[pair], b[pair]
         ax, ay, bx, by = a[:, 0] - x, a[:, 1] - y, b[:, 0] - x, b[:, 1] - y
         off_a, off_b = uy * ax - ux * ay, uy * bx - ux * by
-        # A line meets a convex polygon where it has come in by every edge before it goes out by any.
+        # A line meets a convex polygon if it enters through the lines of all edges before it leaves through any.
         with np.errstate(divide="ignore", invalid="ignore"):
             at = off_a / (off_a - off_b)
         parallel = np.where(off_a >= 0.0, math.inf, -math.inf)
         comes = np.where(off_b < off_a, at, np.where(off_b == off_a, parallel, -math.inf))
         goes = np.where(off_b > off_a, at, math.inf)
         meets = np.maximum(np.maximum.reduceat(comes, starts), 0.0) < np.minimum(np.minimum.reduceat(goes, starts), 1.0)
-        # Apart, the least distance is from an end of the line to an edge, or from a corner to the line.
+        # If they do not meet, the least distance is from an end of the line to an edge, or from a corner to the line.
         on_a, on_b = ux * ax + uy * ay, ux * bx + uy * by
         from_a = np.hypot(on_a - np.minimum(np.maximum(on_a, 0.0), length), off_a)
         from_b = np.hypot(on_b - np.minimum(np.maximum(on_b, 0.0), length), off_b)

@@ -1,4 +1,4 @@
-"""Reads a site from GeoJSON (RFC 7946), by a property of its features."""
+"""Reads a site from GeoJSON (RFC 7946), whose features have the property `soter`."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _DEEP: Final = {"Point": 0, "Polygon": 2, "MultiPolygon": 3}
 
 
 def read(data: bytes, source: str) -> Draft:
-    """Return what a GeoJSON file says.
+    """Return the draft in a GeoJSON file.
 
     Every feature has a property `soter`: `fence`, `keep_out`, `station` or `start`. The origin is the member `origin`
     of the collection, longitude and latitude, or else the middle of all places.
 
     Raises:
-        ConfigError: it is no GeoJSON in WGS 84.
+        ConfigError: the file is no GeoJSON in WGS 84.
     """
     collection = json_object(data, source)
     if collection.get("type") != "FeatureCollection" or not isinstance(collection.get("features"), list):
@@ -56,10 +56,10 @@ def read(data: bytes, source: str) -> Draft:
 
 
 def json_object(data: bytes, source: str) -> dict[str, Any]:
-    """Return a JSON object.
+    """Return the JSON object in a file.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: the file holds no JSON object.
     """
 
     def refuse(number: str) -> float:
@@ -122,7 +122,7 @@ def _positions(geometry: Any) -> Iterator[Any]:
 
 
 def _is_nested(coordinates: Any, deep: int) -> bool:
-    """Return whether lists are nested so deep around positions, which are lists of numbers."""
+    """Return whether lists are nested `deep` levels around positions, which are lists of numbers."""
     if not isinstance(coordinates, list):
         return False
     if deep:

@@ -1,6 +1,6 @@
 """Maps of square cells, occupied or free, anywhere and at any angle. Metres, ENU.
 
-A map is a set of boxes: what the assurance argument says of convex pieces holds of its cells.
+A map is a set of boxes: the assurance argument about convex pieces holds for its cells.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class GridMap:
-    """Which cells of a map are occupied, as plain values that go from process to process.
+    """The occupied cells of a map, as plain values that can be sent between processes.
 
     Attributes:
-        columns: how many cells wide.
-        rows: how many cells high.
+        columns: width in cells.
+        rows: height in cells.
         cell_m: side of a cell.
-        x_m: the map's corner from which columns and rows count, east.
-        y_m: the same, north.
-        yaw_rad: in which direction columns count, counter-clockwise from east.
+        x_m: the corner from which columns and rows count, east.
+        y_m: the corner from which columns and rows count, north.
+        yaw_rad: direction in which columns count, counter-clockwise from east.
         packed: the cells, row by row: bits, compressed by zlib, in base64.
-        height_m: how high what is occupied is.
+        height_m: height of occupied cells.
     """
 
     columns: int
@@ -48,14 +48,14 @@ class GridMap:
         """Return which cells are occupied, by row and column.
 
         Raises:
-            ValueError: it is not a map of so many cells.
+            ValueError: the packed cells are not a map of this size.
         """
         from soter.geometry.cells import unpacked
 
         return unpacked(self.packed, self.rows, self.columns)
 
     def corner(self, column: float, row: float) -> Point:
-        """Return where a place of the map is, counted in cells from its corner."""
+        """Return the position of a place in the map that is given in cells from the map's corner."""
         along, across = column * self.cell_m, row * self.cell_m
         cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return self.x_m + along * cos - across * sin, self.y_m + along * sin + across * cos
@@ -70,14 +70,14 @@ class GridMap:
         )
 
     def rings(self) -> list[Ring]:
-        """Return rectangles that together are what is occupied."""
+        """Return rectangles that cover the occupied cells exactly."""
         from soter.geometry.cells import fewest
 
         return [self.ring(*each) for each in fewest(self.occupied()).tolist()]
 
     def outlines(self) -> list[Ring]:
-        """Return rectangles for the eye: those of larger cells where there are too many to draw."""
-        # Imported here, as in the other methods: who has no map does without the library for arrays.
+        """Return rectangles to draw; of larger cells if there are too many."""
+        # Imported here, as in the other methods: only maps need the library for arrays.
         from soter.geometry.cells import drawn
 
         most = (self.columns, self.rows, self.columns, self.rows)

@@ -1,4 +1,4 @@
-"""Reads a site from KML: polygons and points of its placemarks, by their names."""
+"""Reads a site from KML: the polygons and points of its placemarks, by their names."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from soter.geometry.earth import Projection, check_degrees, middle_of
 from soter.problems import shown_value
 
 FENCE: Final = "fence"
-"""What the name of a placemark begins with whose polygon is the outer boundary."""
+"""Prefix of the name of the placemark whose polygon is the outer boundary."""
 
 
 def read(data: bytes, source: str) -> Draft:
-    """Return what a KML file says.
+    """Return the draft in a KML file.
 
-    The polygon of the placemark whose name begins with `fence` is the boundary, other polygons are kept out of, and
+    The polygon of the placemark whose name begins with `fence` is the boundary, other polygons are keep-outs, and
     points are stations. Heights are not read. The origin is the middle of all places.
 
     Raises:
-        ConfigError: it is no KML.
+        ConfigError: the file is no KML.
     """
     try:
         root = fromstring(data, forbid_dtd=True)

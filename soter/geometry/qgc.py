@@ -1,4 +1,4 @@
-"""Reads a site from a plan of QGroundControl: its geofence, and its rally points as stations."""
+"""Reads a site from a QGroundControl plan: its geofence, and its rally points as stations."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from soter.problems import shown_value
 
 
 def read(data: bytes, source: str) -> Draft:
-    """Return what a `.plan` says: inclusion and exclusion polygons and circles, rally points as stations.
+    """Return the draft in a `.plan` file: inclusion and exclusion polygons and circles, rally points as stations.
 
-    The origin is its planned home, or else the middle of all places. Latitude comes before longitude in it.
+    The origin is its planned home, or else the middle of all places. In a plan, latitude comes before longitude.
 
     Raises:
-        ConfigError: it is no plan.
+        ConfigError: the file is no plan.
     """
     plan = json_object(data, source)
     if plan.get("fileType") != "Plan":

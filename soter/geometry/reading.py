@@ -1,4 +1,4 @@
-"""Workspaces from files, whatever their format: the ending of a file's name says which."""
+"""Reads workspaces from files of any known format, told by the file's suffix."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ READERS: Final[dict[str, str]] = {
     ".yaml": "soter.geometry.ros_map",
     ".yml": "soter.geometry.ros_map",
 }
-"""Modules whose `read(data, source)` returns a `Draft`, by the ending of the file; `.xml` is SOTER's own."""
+"""Modules whose `read(data, source)` returns a `Draft`, by suffix; `.xml`, SOTER's own format, is not among them."""
 
 
 def read_workspace(
@@ -38,19 +38,19 @@ def read_workspace(
 
     Args:
         path: the file.
-        phi_safer_m: body clearance from which the obstacle module lets a robot work; starts and stations must have
-            more.
+        phi_safer_m: body clearance from which the obstacle module gives a robot to its AC; starts and stations must
+            have more.
         spacing_m: the least distance between the centres of two starts, and of two stations.
-        stations: where robots charge, for a file that does not say so, such as a map.
-        starts: where they start, likewise; without any they start on their stations.
-        inhabited: whether there must be a station, as robots need it.
+        stations: where robots charge, for a file without stations, such as a map.
+        starts: where robots start, for such a file; without any they start on their stations.
+        inhabited: whether there must be a station, which robots need.
 
     Raises:
-        ConfigError: the file cannot be read or something in it is not allowed; all that is wrong is listed.
+        ConfigError: the file cannot be read or something in it is not allowed; all problems are listed.
     """
     data, source = read_limited(path, "workspace file"), str(path)
     ending = path.suffix.lower()
-    # A file of an unknown name is taken for SOTER's XML, which says what is wrong with it.
+    # Any other suffix is read as SOTER's XML, whose reader then says what is wrong.
     draft = importlib.import_module(READERS[ending]).read(data, source) if ending in READERS else None
     for key, own, given in (("station", draft and draft.stations, stations), ("start", draft and draft.starts, starts)):
         if given and (draft is None or own):

@@ -1,4 +1,4 @@
-"""Reads a map as ROS has it: `map.yaml` and the picture that it names, PGM or PNG."""
+"""Reads a ROS map: `map.yaml` and the picture that it names, PGM or PNG."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class MapTable(BaseModel):
-    """What `map.yaml` says.
+    """The content of `map.yaml`.
 
     Attributes:
-        image: the picture, seen from the file; its last row is the southernmost one if the yaw is 0.
+        image: the picture, relative to the file; its last row is the southernmost one if the yaw is 0.
         resolution: side of a cell in metres.
         origin: the pose of the picture's lower left corner: metres east and north, and counter-clockwise radians.
         negate: whether light is occupied and dark is free.
-        occupied_thresh: from 0 to 1; what is darker is occupied.
-        free_thresh: the same; what is lighter is free.
-        mode: what lies between the two is unknown (`trinary`, and so is the grey 205, whatever the thresholds say), or
-            occupied to some part (`scale`), which SOTER keeps out of.
-        unknown: SOTER's own; whether robots keep out of what is unknown.
+        occupied_thresh: from 0 to 1; darker pixels are occupied.
+        free_thresh: from 0 to 1; lighter pixels are free.
+        mode: whether pixels in between are unknown (`trinary`, where the grey 205 always is, whatever the thresholds),
+            or occupied in part (`scale`), which SOTER keeps out of.
+        unknown: SOTER's own key: whether robots keep out of unknown cells.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -64,10 +64,10 @@ class MapTable(BaseModel):
 
 
 def read(data: bytes, source: str) -> Draft:
-    """Return what a `map.yaml` says. Stations and starts are for others to give.
+    """Return the draft of a `map.yaml`, which has no stations or starts.
 
     Raises:
-        ConfigError: it or its picture cannot be read, or something in them is not allowed.
+        ConfigError: the file or its picture cannot be read, or something in them is not allowed.
     """
     try:
         table = MapTable.model_validate(_yaml(data, source))
@@ -84,7 +84,7 @@ def read(data: bytes, source: str) -> Draft:
 
 
 def _yaml(data: bytes, source: str) -> dict[Any, Any]:
-    # Imported here: only who reads maps needs the library.
+    # Imported here: only maps need the library.
     try:
         import yaml  # type: ignore[import-untyped]
     except ImportError as failure:
@@ -108,13 +108,13 @@ def _occupied(table: MapTable, path: Path, source: str) -> Bits:
     try:
         shade, opaque = _pixels(read_limited(path, "map's picture", MAX_IMAGE_BYTES), str(path))
     except ConfigError as failure:
-        # What has to be mended may be the key.
+        # The key may be wrong.
         raise ConfigError(str(failure), source=source, key="image") from failure
-    # In the numbers of ROS, 1 is occupied.
+    # In ROS, 1 means occupied.
     chance = shade if table.negate else 1.0 - shade
     occupied, free = chance > table.occupied_thresh, (chance < table.free_thresh) & opaque
     if table.mode == "trinary":
-        # Some programs write that grey for what is unknown, and a threshold that takes it for free.
+        # Some programs write this grey for unknown, with a threshold that would make it free.
         free &= np.abs(chance - _UNKNOWN) > _HALF_A_SHADE
     unknown = ~occupied & (~opaque if table.mode == "scale" else ~free)
     kept_out = ~(free | unknown) if table.unknown == "free" else ~free
@@ -138,7 +138,7 @@ def _pixels(data: bytes, source: str) -> tuple[NDArray[np.float32], Bits | np.bo
         ) from failure
     try:
         with warnings.catch_warnings():
-            # What it warns of is refused below.
+            # The sizes that it warns of are refused below.
             warnings.simplefilter("ignore")
             with Image.open(io.BytesIO(data), formats=("PPM", "PNG")) as image:
                 wide, high = image.size

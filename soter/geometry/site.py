@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 
 _ROUNDING_M: Final = 1e-9
 _FAR_M: Final = 10.0
-"""Where there is no fence, the ground so far around everything else is looked at."""
+"""Without a fence, the ground up to this far around everything else is considered."""
 
 _CELLS: Final = 4000
-"""What is near is looked up in cells of 0.5 m; a large site has larger ones, so many along its longer side."""
+"""Near pieces are looked up in cells of 0.5 m, or larger ones: at most this many along a site's longer side."""
 
 _RIM_M: Final = 1e15
-"""What is outside of a fence reaches so far beyond it: farther than anything is."""
+"""Extent of the outside of a fence, farther than any place."""
 
 _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 16), math.sin(k * math.pi / 16)) for k in range(32))
 
 
 class NotRectangular(ConfigError):
-    """Something that knows rectangles with boxes along their axes only was given a workspace of another shape."""
+    """A workspace of another shape was given to code that only supports rectangles with axis-aligned boxes."""
 
 
 def refuse(what: str) -> NoReturn:
-    """Refuse to say of a site what only rectangles have.
+    """Refuse to return a property of a site that only rectangles have.
 
     Raises:
         NotRectangular: always.
@@ -51,9 +51,9 @@ class Area:
     """An area that robots keep out of.
 
     Attributes:
-        name: what its file calls it, for messages and pictures.
+        name: its name in its file, for messages and pictures.
         ring: its corners.
-        pieces: convex polygons that together are the area.
+        pieces: convex polygons that cover the area exactly.
         height_m: height above the ground.
     """
 
@@ -65,7 +65,7 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class GeoOrigin:
-    """Where on earth, in WGS 84, the point (0, 0) of a site is."""
+    """The geographic position, in WGS 84, of a site's point (0, 0)."""
 
     lat_deg: float
     lon_deg: float
@@ -73,14 +73,14 @@ class GeoOrigin:
 
 @dataclass(frozen=True, slots=True)
 class SitePlan:
-    """What a site is made of, as plain values that go from process to process.
+    """The content of a site, as plain values that can be sent between processes.
 
     Attributes:
-        fence: corners of the outer boundary; None where there is none.
-        around: convex polygons that together are the fence's bounding box without its inside.
-        areas: what robots keep out of.
+        fence: corners of the outer boundary; None without one.
+        around: convex polygons that cover the fence's bounding box, minus the fence's inside, exactly.
+        areas: areas that robots keep out of.
         robots: where robots start and charge.
-        origin: where on earth the site is, if that is known.
+        origin: the site's geographic position, if known.
         map: a map of what robots keep out of, in place of areas.
     """
 
@@ -95,7 +95,7 @@ class SitePlan:
 class Site(Workspace):
     """A workspace that is made of polygons.
 
-    It can be used wherever a workspace can: who asks it for what only rectangles with boxes have is refused.
+    It can be used wherever a workspace can; properties that only rectangles with boxes have raise `NotRectangular`.
     """
 
     __slots__ = ("__dict__", "plan")
@@ -118,7 +118,7 @@ class Site(Workspace):
     def __repr__(self) -> str:
         return f"Site({self.plan!r})"
 
-    # A part of SOTER that has not been taught polygons must not take a site for its bounding box.
+    # Code that does not support polygons must not take a site for its bounding box.
     @property
     def width_m(self) -> NoReturn:
         refuse("width")
@@ -152,30 +152,30 @@ class Site(Workspace):
 
     @property
     def cell_m(self) -> float:
-        """Side of the cells in which what is near is looked up."""
+        """Side of the cells in which near pieces are looked up."""
         low_x, low_y, high_x, high_y = self.bounds
         return max(0.5, max(high_x - low_x, high_y - low_y) / _CELLS)
 
     @cached_property
     def keep_outs(self) -> Pieces:
-        """The areas that robots keep out of, or what is occupied in the map."""
+        """The areas that robots keep out of, or the map's occupied cells."""
         if self.field is not None:
             return self.field
         return self._indexed([ring for area in self.plan.areas for ring in area.pieces])
 
     @cached_property
     def field(self) -> Field | None:
-        """Distances to what is occupied in the map, if the site is one; they take seconds to work out."""
+        """Distances to the map's occupied cells; None without a map. They take seconds to compute."""
         if self.plan.map is None:
             return None
-        # Imported here: only who has a map needs the library.
+        # Imported here: only maps need the library.
         from soter.geometry.clearance import field_of
 
         return field_of(self.plan.map)
 
     @cached_property
     def outside(self) -> Pieces:
-        """What is outside of the fence, a wide rim around its bounding box; nothing where there is no fence."""
+        """The outside of the fence, with a wide rim around its bounding box; empty without a fence."""
         if self.plan.fence is None:
             return self._indexed(())
         low_x, low_y, high_x, high_y = self._bounds
@@ -189,7 +189,7 @@ class Site(Workspace):
         return self._indexed((*self.plan.around, *rim))
 
     def _indexed(self, rings: Sequence[Ring]) -> Pieces:
-        # Imported here: a planner's worker process and robots' programs know sites, and need no index.
+        # Imported here: a planner's worker process and robots' programs use sites, but need no index.
         from soter.geometry.convex import Pieces
 
         return Pieces(rings, self.cell_m)
@@ -198,16 +198,16 @@ class Site(Workspace):
         return self.outside.distance_m(x_m, y_m)
 
     def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
-        """Return the least distance to the fence along a straight line that begins inside; at most 0 where it leaves.
+        """Return the least distance to the fence along a straight line that begins inside; at most 0 if it leaves.
 
-        Of what is farther than `enough_m`, that is returned.
+        A result above `enough_m` is returned as `enough_m`.
         """
         here_m, there_m = self.fence_m(ax_m, ay_m), self.fence_m(bx_m, by_m)
         least = min(here_m, there_m)
         if least <= 0.0:
             return least
         least = min(least, enough_m)
-        # The distance changes by a metre a metre at most.
+        # The distance changes by at most a metre per metre.
         if here_m + there_m - math.hypot(bx_m - ax_m, by_m - ay_m) >= 2.0 * least:
             return least
         return self.outside.segment_m(ax_m, ay_m, bx_m, by_m, least)
@@ -231,9 +231,9 @@ class Site(Workspace):
         return Site(replace(self.plan, robots=self.robots[:count]))
 
     def freed(self, x_m: float, y_m: float, inset_m: float, clearance_m: float) -> Point:
-        """Return a point beside a place that is `inset_m` inside the fence and `clearance_m` from what is kept out.
+        """Return a point near a place that is `inset_m` inside the fence and `clearance_m` from obstacles.
 
-        It is found by leaving whatever is too near, again and again; in narrow places it may not be as far as that.
+        It is found by moving away from what is too near, repeatedly; in narrow places the distances may be less.
         """
         if self.keep_outs.distance_m(x_m, y_m) >= clearance_m and self.outside.distance_m(x_m, y_m) >= inset_m:
             return x_m, y_m
@@ -249,7 +249,7 @@ class Site(Workspace):
         return x_m, y_m
 
     def nearest_free(self, x_m: float, y_m: float, clearance_m: float) -> tuple[float, float] | None:
-        """Return a point inside the fence at least `clearance_m` from every area: the nearest one to within a tenth.
+        """Return a point inside the fence at least `clearance_m` from every area: the nearest to within a tenth.
 
         In a map it is the corner of a cell.
 
@@ -283,17 +283,17 @@ _STEPS: Final = 40
 
 
 def plain(workspace: Workspace) -> Workspace | SitePlan:
-    """Return a workspace as what can be written down value by value; `from_plain` makes it a workspace again."""
+    """Return a workspace as plain values that can be serialised; `from_plain` makes it a workspace again."""
     return workspace.plan if isinstance(workspace, Site) else workspace
 
 
 def from_plain(made_of: Workspace | SitePlan) -> Workspace:
-    """Return the workspace that `plain` wrote down."""
+    """Return the workspace that `plain` was given."""
     return Site(made_of) if isinstance(made_of, SitePlan) else made_of
 
 
 def as_box(x_m: float, y_m: float, side_m: float) -> Box:
-    """Return a station: a square around a place."""
+    """Return the box of a station: a square around a place."""
     half_m = side_m / 2.0
     return Box(x_m - half_m, y_m - half_m, x_m + half_m, y_m + half_m, 0.0)
 

@@ -20,7 +20,7 @@ class _Table(BaseModel):
 
 
 class CircleTable(_Table):
-    """A circle by its middle: east, north."""
+    """A circle, given by its middle, east and north."""
 
     x_m: Metres
     y_m: Metres
@@ -28,7 +28,7 @@ class CircleTable(_Table):
 
 
 class BoxTable(_Table):
-    """A box by its middle, at any angle: its length lies along its heading, counter-clockwise from east."""
+    """A box at any angle, given by its middle; its length lies along its heading, counter-clockwise from east."""
 
     x_m: Metres
     y_m: Metres
@@ -38,7 +38,7 @@ class BoxTable(_Table):
 
 
 class ShapeTable(_Table):
-    """A polygon, by its corners east and north in metres; a circle; or a box."""
+    """A polygon, given by its corners east and north in metres; or a circle; or a box."""
 
     polygon: list[Corner] | None = None
     circle: CircleTable | None = None
@@ -51,7 +51,7 @@ class ShapeTable(_Table):
         return self
 
     def ring(self, *, around: bool) -> Ring:
-        """Return the corners; `around` says whether a circle's polygon is to hold the circle, or to be held by it."""
+        """Return the corners; `around` says whether a circle's polygon contains the circle, or is contained in it."""
         if self.polygon is not None:
             return tuple((x, y) for x, y in self.polygon)
         if self.circle is not None:
@@ -74,14 +74,14 @@ class KeepOutTable(ShapeTable):
 
 
 class StationTable(_Table):
-    """A charging station, a square by its middle: east, north."""
+    """A charging station, a square given by its middle, east and north."""
 
     x_m: Metres
     y_m: Metres
     side_m: float = Field(default=STATION_SIDE_M, ge=0.001, le=100.0)
 
     def spot(self, number: int) -> Spot:
-        """Return it as a draft has it; it is the station of that number, from 1."""
+        """Return the draft's spot for this station, which has this number, from 1."""
         return Spot(f"station {number}", self.x_m, self.y_m, side_m=self.side_m)
 
 
@@ -101,7 +101,7 @@ class RobotTable(_Table):
     heading_rad: float = Field(default=0.0, ge=-1000.0, le=1000.0)
 
     def spot(self) -> Spot:
-        """Return it as a draft has it."""
+        """Return the draft's spot for this start."""
         return Spot(f"robot {self.id}", self.x_m, self.y_m, self.id, self.heading_rad)
 
 
@@ -109,10 +109,10 @@ class SiteTable(_Table):
     """A site.
 
     Attributes:
-        fence: the outer boundary; none without it.
-        keep_out: what robots keep out of.
+        fence: the outer boundary, if the site has one.
+        keep_out: areas that robots keep out of.
         station: where robots charge, in the order of the robots.
-        robot: where robots start; on their stations without it.
+        robot: where robots start; on their stations if not given.
     """
 
     fence: ShapeTable | None = None
@@ -122,10 +122,10 @@ class SiteTable(_Table):
 
 
 def read(data: bytes, source: str) -> Draft:
-    """Return what a TOML file says.
+    """Return the draft in a TOML file.
 
     Raises:
-        ConfigError: it is no TOML, or a key or a value in it is not allowed.
+        ConfigError: the file is no TOML, or a key or a value in it is not allowed.
     """
     tables, lines = parse_toml(data, source, "workspace file")
     try:

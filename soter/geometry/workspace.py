@@ -1,4 +1,4 @@
-"""The known workspace: fence, boxes, where robots start and charge. Metres, ENU, z up."""
+"""The known workspace: fence, boxes, and where robots start and charge. Metres, ENU, z up."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Ring = tuple[Point, ...]
 """Corners in order, counter-clockwise, the first not repeated."""
 
 MAX_ROBOT_ID = 254
-"""Robot ids are MAVLink system ids too; 0 and 255 mean something else there."""
+"""Robot ids are also MAVLink system ids, where 0 and 255 have other meanings."""
 
 _ROUNDING_M = 1e-9
-"""A point constructed to lie on an edge counts as on it."""
+"""Rounding error up to which a point constructed to lie on an edge counts as on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +74,11 @@ class Workspace:
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """The least rectangle along the axes that holds the workspace: low x, low y, high x, high y in metres."""
+        """The least axis-aligned rectangle that holds the workspace: low x, low y, high x, high y in metres."""
         return 0.0, 0.0, self.width_m, self.depth_m
 
     def outlines(self) -> tuple[tuple[Point, ...] | None, list[tuple[Point, ...]]]:
-        """Return the corners of the fence, or None without one, and those of everything that is kept out."""
+        """Return the corners of the fence, or None without one, and those of all obstacles."""
         fence = ((0.0, 0.0), (self.width_m, 0.0), (self.width_m, self.depth_m), (0.0, self.depth_m))
         return fence, [
             ((b.low_x_m, b.low_y_m), (b.high_x_m, b.low_y_m), (b.high_x_m, b.high_y_m), (b.low_x_m, b.high_y_m))
@@ -86,7 +86,7 @@ class Workspace:
         ]
 
     def inset(self, by_m: float) -> list[tuple[Point, ...]]:
-        """Return the outlines of where it is at least `by_m` to the fence, for the eye."""
+        """Return the outlines of the places at least `by_m` inside the fence, to draw."""
         high_x, high_y = self.width_m - by_m, self.depth_m - by_m
         return [((by_m, by_m), (high_x, by_m), (high_x, high_y), (by_m, high_y))]
 
@@ -106,7 +106,7 @@ class Workspace:
         """Return the same workspace with only its first `count` robots and their chargers.
 
         Raises:
-            ConfigError: it has fewer, or `count` is below 1.
+            ConfigError: the workspace has fewer, or `count` is below 1.
         """
         if not 1 <= count <= len(self.robots):
             raise ConfigError(
@@ -119,17 +119,17 @@ class Workspace:
     def nearest_free(self, x_m: float, y_m: float, clearance_m: float) -> tuple[float, float] | None:
         """Return the nearest point inside the fence that is at least `clearance_m` from every box.
 
-        The distance counts from the point itself: for a round body, add its radius. The point is exact, except where
-        the rounded outline of a box crosses another or the fence: there it may lie a little further away than need
-        be, never too close to a box.
+        The distance is that of the point itself: for a round body, add its radius. The point is exact, except where
+        the rounded outline of a box crosses another one or the fence: there it may be slightly farther away than
+        necessary, but never too close to a box.
 
         Returns:
             x and y in metres, the point itself if it is free; None if there is no such place.
         """
         if self._free(x_m, y_m, clearance_m):
             return x_m, y_m
-        # The nearest point of a free region lies straight across an edge, on the arc around the corner of a box, or on
-        # a corner of two edges; nowhere else.
+        # The nearest point of a free region lies straight across an edge, on the arc around the corner of a box, or at
+        # the corner of two edges; nowhere else.
         inside_x_m, inside_y_m = min(max(x_m, 0.0), self.width_m), min(max(y_m, 0.0), self.depth_m)
         xs_m, ys_m = {inside_x_m, 0.0, self.width_m}, {inside_y_m, 0.0, self.depth_m}
         arcs: list[tuple[float, float]] = []
@@ -143,12 +143,12 @@ class Workspace:
                     arcs.append((corner_x_m + scale * (x_m - corner_x_m), corner_y_m + scale * (y_m - corner_y_m)))
 
         def nearest(candidates: Iterable[tuple[float, float]]) -> tuple[float, float] | None:
-            # Ties are broken by the coordinates: the answer must not depend on the order of a set.
+            # Break ties by the coordinates: the result must not depend on the order of a set.
             ordered = sorted(candidates, key=lambda at: (math.dist(at, (x_m, y_m)), at))
             return next((at for at in ordered if self._free(*at, clearance_m)), None)
 
         first = nearest([*product(xs_m, [inside_y_m]), *product([inside_x_m], ys_m), *arcs])
-        # Corners number the square of the boxes: only those matter that are no further than what was found so far.
+        # The number of corners grows with the square of the boxes: only try those no farther than the best so far.
         reach_m = math.inf if first is None else math.dist(first, (x_m, y_m))
         corners = product(
             [at for at in xs_m if abs(at - x_m) <= reach_m], [at for at in ys_m if abs(at - y_m) <= reach_m]
@@ -163,7 +163,7 @@ class Workspace:
 def crosses(
     ax: float, ay: float, bx: float, by: float, low_x: float, low_y: float, high_x: float, high_y: float
 ) -> bool:
-    """Return whether the segment from a to b meets the inside of a rectangle (slab method); touching does not count."""
+    """Return whether the segment from a to b meets the inside of a rectangle (slab method); touching is not meeting."""
     enter, leave = 0.0, 1.0
     for start, delta, low, high in ((ax, bx - ax, low_x, high_x), (ay, by - ay, low_y, high_y)):
         if delta == 0.0:

@@ -1,4 +1,4 @@
-"""Reads a workspace from XML: first as a small tree with line numbers, then as a workspace that a body fits in."""
+"""Reads a workspace from XML: first into a small tree with line numbers, then into a checked workspace."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from soter.geometry.xml_tree import Element, parse_tree
 from soter.problems import MAX_FILE_BYTES, Problem, config_error, cut, read_limited, shown_value
 
 BODY_RADIUS_M = 0.105
-"""The body that has to fit at starts and chargers: a TurtleBot3 Burger."""
+"""Radius of the body that has to fit at starts and chargers: a TurtleBot3 Burger."""
 
 SLACK_M = 0.05
-"""A start or charger on the very edge of phi_safer would send its robot to the safe controller at each wobble."""
+"""Extra clearance of starts and chargers: at the very edge of phi_safer, every wobble would disengage a robot."""
 
 MAX_SIZE_M = 10_000.0
 
 MAX_AREA_M2 = 100_000.0
-"""Places to retreat to are kept as cells of 0.1 m: so many fill most of a GiB."""
+"""Largest area: refuges are kept as cells of 0.1 m, and this many fill most of a GiB."""
 
 MIN_STATION_M = 0.1
-"""A robot comes to rest within some centimetres of a station's middle, and charges only on the station."""
+"""Least side: a robot comes to rest within some centimetres of the middle, and charges only on the station."""
 
 _MAX_BOXES = 250  # naming the nearest free pose costs up to the cube of this
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _ID = re.compile(r"\s*[1-9]\d{0,2}\s*", re.ASCII)
 
-# What may stand where: element -> (its attributes, those that may be left out, its children).
+# By element: (its attributes, optional ones among them, its children).
 _GRAMMAR: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "configuration": ((), (), ("dimension", "robots", "obstacles", "charging_stations")),
     "dimension": (("x", "y", "z"), (), ()),
@@ -50,13 +50,13 @@ def read_workspace(path: Path, *, phi_safer_m: float = 0.1, spacing_m: float = 0
 
     Args:
         path: the XML file.
-        phi_safer_m: body clearance from which the obstacle module lets a robot work; starts and chargers must have
-            `SLACK_M` more.
+        phi_safer_m: body clearance from which the obstacle module gives a robot to its AC; starts and chargers must
+            have `SLACK_M` more.
         spacing_m: the least distance between the centres of two starts, and of two chargers.
 
     Raises:
-        ConfigError: the file cannot be read or something in it is not allowed; all that is wrong is listed, with
-            the line of each.
+        ConfigError: the file cannot be read or something in it is not allowed; all problems are listed, each with its
+            line.
     """
     return parse_workspace(
         read_limited(path, "workspace file"), str(path), phi_safer_m=phi_safer_m, spacing_m=spacing_m
@@ -76,7 +76,7 @@ def parse_workspace(data: bytes, source: str, *, phi_safer_m: float = 0.1, spaci
 
 
 class _Reader:
-    """Walks the tree and notes every problem; what was wrong is left out of the further checks."""
+    """Walks the tree and notes every problem; elements with problems are left out of further checks."""
 
     def __init__(self, root: Element, phi_safer_m: float, spacing_m: float) -> None:
         self.root = root
@@ -228,14 +228,14 @@ class _Reader:
         *,
         flat: bool,
     ) -> str:
-        """Return what is wrong with a box, or nothing; a flat one may have no height."""
+        """Return what is wrong with a box; empty if nothing is. A flat one may have no height."""
         for axis, name in enumerate("xyz"):
             if high[axis] < low[axis] or (high[axis] == low[axis] and not (flat and name == "z")):
                 return (
                     f"it is inside out: high {name} is {high[axis]:g}, allowed: above low {name}, which is "
                     f"{low[axis]:g}"
                 )
-            # An exact 0.1 m must pass although it is not one in binary.
+            # An exact 0.1 m must pass, although it is inexact in binary.
             if flat and name != "z" and high[axis] - low[axis] < MIN_STATION_M - 1e-9:
                 return (
                     f"it is {high[axis] - low[axis]:g} m wide in {name}, allowed: at least {MIN_STATION_M:g} m, or "
@@ -290,7 +290,7 @@ class _Reader:
     def _check_clearance(self, workspace: Workspace, spots: list[tuple[Element, str, float, float]]) -> None:
         for element, key, x_m, y_m in spots:
             clearance_m = workspace.clearance_m(x_m, y_m, BODY_RADIUS_M)
-            # The numbers come from decimals: an exact 0.15 m must pass although it is not one in binary.
+            # An exact 0.15 m must pass, although it is inexact in binary.
             if clearance_m >= self.needed_m - 1e-9:
                 continue
             if clearance_m < -BODY_RADIUS_M:
@@ -307,7 +307,7 @@ class _Reader:
             )
 
     def _nearest_pose(self, workspace: Workspace, x_m: float, y_m: float) -> str:
-        """Return the nearest pose that would do, rounded so that it still does when it is typed in."""
+        """Return the nearest pose that would do, rounded such that the rounded pose still would."""
         needed_m = self.needed_m + BODY_RADIUS_M
         # A centimetre grid moves the point by at most 7.1 mm.
         found = workspace.nearest_free(x_m, y_m, needed_m + 0.0075)

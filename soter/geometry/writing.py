@@ -1,4 +1,4 @@
-"""Workspaces as the tables of a TOML file, and as GeoJSON."""
+"""Writes workspaces as the tables of a TOML file, and as GeoJSON."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from soter.geometry.workspace import Point, Workspace
 
 
 def as_tables(workspace: Workspace) -> dict[str, Any]:
-    """Return what `soter.geometry.site_toml` reads: polygons, stations and starts, in metres.
+    """Return the tables that `soter.geometry.site_toml` reads: polygons, stations and starts, in metres.
 
     Raises:
-        ConfigError: it is a map.
+        ConfigError: the workspace is a map.
     """
     fence, _ = workspace.outlines()
     tables: dict[str, Any] = {} if fence is None else {"fence": {"polygon": [list(at) for at in fence]}}
@@ -36,10 +36,10 @@ def as_tables(workspace: Workspace) -> dict[str, Any]:
 
 
 def as_geojson(workspace: Workspace, source: str) -> dict[str, Any]:
-    """Return what `soter.geometry.geojson` reads.
+    """Return the GeoJSON that `soter.geometry.geojson` reads.
 
     Raises:
-        ConfigError: nobody knows where on earth it is, or it is a map.
+        ConfigError: the workspace is a map, or its geographic position is not known.
     """
     origin = workspace.plan.origin if isinstance(workspace, Site) else None
     if origin is None:
@@ -48,7 +48,7 @@ def as_geojson(workspace: Workspace, source: str) -> dict[str, Any]:
 
     def place(at: Point) -> list[float]:
         lat_deg, lon_deg = project.place(*at)
-        # To a tenth of a millimetre.
+        # Nine decimals are a tenth of a millimetre.
         return [round(lon_deg, 9), round(lat_deg, 9)]
 
     fence, _ = workspace.outlines()

@@ -1,4 +1,4 @@
-"""XML as a small tree with line numbers, from bytes that nobody trusts."""
+"""Parses untrusted XML into a small tree with line numbers."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def all(self, tag: str) -> list[Element]:
-        """Return the children of a name."""
+        """Return the children with a name."""
         return [child for child in self.children if child.tag == tag]
 
 
 class _TreeBuilder(ContentHandler):
-    """Builds the tree and remembers lines; a tree of the standard library forgets them."""
+    """Builds the tree with line numbers, which a tree of the standard library lacks."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -66,14 +66,14 @@ class _TreeBuilder(ContentHandler):
 
 
 def parse_tree(data: bytes, source: str, root: str) -> Element:
-    """Return a document as a tree that knows lines.
+    """Return a document as a tree with line numbers.
 
     Raises:
-        ConfigError: it is not well-formed, declares entities, has text, or no element.
+        ConfigError: the document is not well-formed, declares entities, has text, or no element.
     """
     builder = _TreeBuilder()
     try:
-        # A workspace needs no DTD, so none is allowed: entities cannot even be declared.
+        # A workspace needs no DTD, so none is allowed, and no entities can be declared.
         defusedxml.sax.parseString(data, builder, forbid_dtd=True)
     except SAXParseException as failure:
         message = f"not well-formed XML: {failure.getMessage()} (column {failure.getColumnNumber()})"
@@ -86,7 +86,7 @@ def parse_tree(data: bytes, source: str, root: str) -> Element:
             source=source,
             line=builder._line(),
         ) from failure
-    except (ValueError, LookupError) as failure:  # an encoding that is unknown or not kept to
+    except (ValueError, LookupError) as failure:  # an unknown encoding, or bytes that are invalid in it
         raise ConfigError(f"cannot be decoded: {failure}; write it in UTF-8", source=source) from failure
     if builder.problems:
         raise config_error(builder.problems, source)
