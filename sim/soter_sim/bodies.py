@@ -1,4 +1,4 @@
-"""What a world knows of its robots' bodies: how large they are, what they can do, and how they are now."""
+"""The bodies of a world's robots: their sizes, limits and states."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from soter.onboard.drive import DriveLimits
 from soter.sdk.values import RobotSpec
 
 BODY_RADIUS_M: Final = 0.105
-"""A robot of which nothing else is asked is a disc of this radius around its position."""
+"""By default a robot is a disc of this radius around its position."""
 
 LIMITS: Final = DriveLimits()
-"""What such a robot can do: a TurtleBot3 Burger."""
+"""Default limits: those of a TurtleBot3 Burger."""
 
 Control = Callable[[float, float, float, float, float, float], tuple[float, float]]
 """A robot's side of the world, called once each control period with now_s, x_m, y_m, heading_rad, v_m_s and
@@ -21,12 +21,12 @@ yaw_rate_rad_s; it returns the speed in m/s along the heading and the turn rate 
 
 
 def stand_still(*_state: float) -> tuple[float, float]:
-    """Command rest: what a robot does that nobody controls."""
+    """Return the command to stand still; the default control of a robot."""
     return 0.0, 0.0
 
 
 def built(spec: RobotSpec, otherwise: DriveLimits) -> DriveLimits:
-    """Return what a robot can do: what it is to promise, and `otherwise` where it promises nothing."""
+    """Return a robot's limits: those of the promises that it is to make, or `otherwise` without any."""
     promised = spec.promised
     if promised is None:
         return otherwise
@@ -39,16 +39,16 @@ def built(spec: RobotSpec, otherwise: DriveLimits) -> DriveLimits:
 class Bodies:
     """The robots' states, one list for each quantity, indexed by the order of the specs.
 
-    The engine alone writes them, in place; everybody else may keep references to the lists and read.
+    Only the engine writes them, in place; others may keep references to the lists and read them.
 
     Args:
-        specs: which robots, where, with what charge, and what they are to promise.
-        otherwise: what a robot can do that promises nothing.
+        specs: the robots: their starts, charges and promises.
+        otherwise: limits of a robot without promises.
 
     Attributes:
         ids: the robots' numbers.
-        radius: of the discs that they are, in metres; it does not change.
-        limits: what they can do; it does not change.
+        radius: radii of their discs, in metres; constant.
+        limits: limits of their motion; constant.
         x: metres east.
         y: metres north.
         heading: radians in (-pi, pi].
@@ -58,7 +58,7 @@ class Bodies:
         drive_per_s: charge used per second at full speed or full turn rate.
         idle_per_s: charge used per second at rest.
         charge_per_s: charge gained per second at rest with the centre on a charger.
-        control: what steers each robot.
+        control: the control of each robot.
     """
 
     __slots__ = (

@@ -1,4 +1,4 @@
-"""The boxes around a place, found quickly however many there are."""
+"""Finds the boxes around a place, quickly however many there are."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ NEAR_M: Final = 2.0
 """`Boxes.near` leaves out no box that is nearer than this."""
 
 FEW: Final = 8
-"""All of so many are near."""
+"""Up to this many boxes, all count as near."""
 
 CELL_M: Final = 1.0
-"""Side of the cells in which what is near is looked up."""
+"""Side of the cells in which near boxes are looked up."""
 
 
 class Boxes:
@@ -47,16 +47,16 @@ class Boxes:
         found = self._cells.get(cell)
         if found is None:
             middle_x, middle_y = (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
-            # From the middle to anywhere in the cell it is less than another cell's width.
+            # Every point of the cell is less than a cell's width from its middle.
             found = tuple(box for box in self.all if point_to_box(middle_x, middle_y, box) <= NEAR_M + CELL_M)
             self._cells[cell] = found
         return found
 
 
 def obstacles_of(workspace: Workspace) -> Any:
-    """Return what robots keep clear of, as `Boxes` or as `Polygons`; which of them nobody needs to know."""
+    """Return the obstacles of a workspace, as `Boxes` or as `Polygons`, which are used in the same way."""
     if isinstance(workspace, Site):
-        # Imported here: a room of boxes needs no library for arrays, and most robots' programs have one.
+        # Imported here: a room with boxes, which most robots' programs simulate, needs no library for arrays.
         from soter_sim.polygons import Polygons
 
         if (grid := workspace.plan.map) is not None:

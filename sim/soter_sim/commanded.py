@@ -1,16 +1,16 @@
-"""Simulated robots that drive to goals by themselves, behind a gate each, whatever carries the messages.
+"""Simulated robots that drive to goals by themselves, each behind a gate, over any wire.
 
-A wire of one's own is a subclass of `CommandedEndpoint` and a module that calls `run`:
+To support a wire, write a subclass of `CommandedEndpoint` and a module that calls `run`:
 
 ```
 python -m MODULE [WORKSPACE.xml] [--at JSON] [--truth-port PORT] [--parent PID]
 ```
 
 Without a workspace the world comes as JSON on standard input. The first line printed is JSON:
-`{"robots": {"1": ADDRESS}, "truth": "127.0.0.1:PORT", "control": PORT}`: where the robots are, where
-`soter_sim.truth_server` tells what really happens, and the UDP port of this host on which robots are mistreated, by
+`{"robots": {"1": ADDRESS}, "truth": "127.0.0.1:PORT", "control": PORT}`: the robots' addresses, that of
+`soter_sim.truth_server`, and the UDP port of this host that takes faults, such as
 `{"robot": 1, "step_clock_s": -30.0}` or `{"robot": 1, "restart": true}`. `soter.sdk.wire.Simulator` starts it so.
-`--at` takes the addresses that an earlier one printed.
+`--at` takes the addresses that an earlier simulator printed.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from soter_sim.real_time import RealTimeWorld
 from soter_sim.world import World
 
 PERIOD_S: Final = 0.02
-"""A robot controls itself, and reports, once in this time."""
+"""Period in which a robot controls itself and reports."""
 
 LEASE_S: Final = 0.15
-"""A robot of which nothing else is asked begins to brake no later than this after its lease was renewed."""
+"""Default time after a renewal of its lease at which a robot begins to brake at the latest."""
 
 _BOOT_APART_S: Final = 1000.0
-"""Robots have been on for different times, so that nobody can mistake one's clock for another's."""
+"""Difference between the clocks of successive robots, so that one cannot be mistaken for another."""
 
 _MOST_BYTES: Final = 1000
 
@@ -51,19 +51,19 @@ logger = logging.getLogger(__name__)
 
 
 class CommandedVehicle:
-    """One robot: its gate, its clock and its drive. It controls its body in the world from now on.
+    """One robot: its gate, its clock and its drive. Making it puts it in control of its body in the world.
 
     Args:
-        world: where it lives.
+        world: the robot's world.
         robot_id: its number.
-        lease_s: it begins to brake no later than this after its lease was renewed.
+        lease_s: time after a renewal of its lease at which it begins to brake at the latest.
 
     Attributes:
-        gate: decides what moves it.
+        gate: decides which commands move it.
     """
 
     def __init__(self, world: World, robot_id: int, lease_s: float = LEASE_S) -> None:
-        # What passes is driven for one period more.
+        # A command that passes the gate is driven for one more period.
         self._lives_s: Final = lease_s - PERIOD_S
         self.gate = GoalGate(self._lives_s)
         self._world: Final = world
@@ -74,12 +74,12 @@ class CommandedVehicle:
         world.set_control(robot_id, self._control)
 
     def take(self, command: Command) -> None:
-        """Take a command, as its gate allows."""
+        """Pass a command to the gate."""
         now_s = self._world.now_s
         self.gate.obey(command, self._clock_s(now_s), now_s)
 
     def report(self) -> Report:
-        """Return how it is."""
+        """Return its report."""
         bodies, i, now_s = self._world.bodies, self._index, self._world.now_s
         clock_s, goal = self._clock_s(now_s), self.gate.command
         return Report(
@@ -98,11 +98,11 @@ class CommandedVehicle:
         )
 
     def step_clock(self, seconds: float) -> None:
-        """Set the robot's clock forward, or back where negative."""
+        """Set the robot's clock forward, or back if negative."""
         self._booted_s -= seconds
 
     def restart(self) -> None:
-        """Switch the robot's computer off and on: nothing is left of what it was told, and its clock begins at 0."""
+        """Reboot the robot's computer: it forgets all commands, and its clock begins at 0."""
         self.gate, self._booted_s = GoalGate(self._lives_s), self._world.now_s
 
     def _clock_s(self, world_s: float) -> float:
@@ -117,13 +117,13 @@ class CommandedVehicle:
 class CommandedEndpoint(RealTimeWorld):
     """A world in real time, and its robots' ends of a wire.
 
-    A subclass waits for what comes in `_wait`, hands it to `take` in `_hear`, and sends in `_say`.
+    A subclass waits for messages in `_wait`, hands them to `take` in `_hear`, and sends in `_say`.
 
     Args:
         workspace: fence, boxes, chargers.
         robots: its robots.
         limits: what the mission promises.
-        truth_port: where to tell the truth; 0 for any port that is free.
+        truth_port: port that serves the truth; 0 for any free one.
 
     Attributes:
         vehicles: the robots, by number.
@@ -143,29 +143,29 @@ class CommandedEndpoint(RealTimeWorld):
 
     @property
     def control_port(self) -> int:
-        """The UDP port of this host on which robots are mistreated."""
+        """The UDP port of this host that takes faults."""
         port: int = self._control.getsockname()[1]
         return port
 
     @property
     @abstractmethod
     def addresses(self) -> Mapping[int, Any]:
-        """By robot, where it is: what its adapter is configured with."""
+        """By robot, the address that its adapter is configured with."""
 
     @abstractmethod
     def _say(self, robot_id: int, message: bytes) -> None:
-        """Send what a robot says, to its listeners; never wait."""
+        """Send a robot's message to its listeners; never wait."""
 
     def _encode(self, report: Report) -> bytes:
-        """Return a report as this wire has it."""
+        """Return this wire's encoding of a report."""
         return report.encode()
 
     def _decode(self, message: bytes) -> Command:
-        """Return what a message of this wire says; raise ValueError where it makes no sense."""
+        """Return the command in a message; raise ValueError if it is invalid."""
         return Command.decode(message)
 
     def take(self, robot_id: int, message: bytes) -> None:
-        """Take a message for a robot; one that makes no sense is dropped."""
+        """Take a message for a robot; an invalid one is dropped."""
         try:
             command = self._decode(message)
         except ValueError as failure:
@@ -193,15 +193,15 @@ class CommandedEndpoint(RealTimeWorld):
 
 
 Make = Callable[[Workspace, Sequence[RobotSpec], RuleLimits, int, Mapping[int, Any]], CommandedEndpoint]
-"""Makes the endpoint of a world: workspace, robots, limits, truth port, and by robot the address that it had."""
+"""Makes the endpoint of a world: workspace, robots, limits, truth port, and by robot its earlier address."""
 
 
 def run(module: str, what: str, make: Make) -> None:
     """Run the program of simulated robots until interrupted or, with `--parent PID`, until that process is gone.
 
     Args:
-        module: what Python is told to run.
-        what: what the robots are called.
+        module: the module that Python runs.
+        what: the robots' name in messages.
         make: makes the endpoint, such as its class.
     """
     parser = make_parser(module, what)

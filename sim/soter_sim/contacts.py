@@ -1,4 +1,4 @@
-"""Bodies that stop where they touch: exact times of impact along the chords of one step."""
+"""Stops bodies where they touch, at exact times of impact along the chords of one step."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from soter_sim.sweep import enter_disc
 
 
 class Contacts:
-    """Stops bodies that run into something, on the way from where they are to where a step would take them.
+    """Stops bodies that run into something between their places and where a step would take them.
 
     Args:
-        judge: is told what touches what, and knows who may.
-        bodies: where they are when the step begins.
+        judge: records contacts, and has the pairs that may touch.
+        bodies: the bodies at the beginning of the step.
         to_x: where the step takes them, metres east; changed for those that are stopped.
-        to_y: the same, north.
+        to_y: where the step takes them, metres north; changed likewise.
         step_s: duration of a step.
     """
 
@@ -27,10 +27,10 @@ class Contacts:
         self._step_s = step_s
 
     def stop(self, step: int) -> Stops | None:
-        """Stop every body that runs into something in this step, in the order in which it happens.
+        """Stop every body that runs into something in this step, in order of time.
 
-        Between two such events all bodies move along straight lines at constant speed, so that each time of impact
-        is exact. Of two robots that meet, those that move towards the other stop.
+        Between two such events all bodies move along straight lines at constant speed, so each time of impact is
+        exact. Of two robots that meet, each stops that moves towards the other.
         """
         judge = self._judge
         x, y, to_x, to_y = self._bodies.x, self._bodies.y, self._to_x, self._to_y
@@ -68,7 +68,7 @@ class Contacts:
                 stops[i] = now
                 self._bodies.v[i] = 0.0
                 box_times.pop(i, None)
-            # Only what was stopped now meets others later or not at all.
+            # Only pairs with a body that was stopped now meet at another time.
             for pair in judge.pairs:
                 if pair.due <= step and (pair.i in stopped or pair.j in stopped):
                     at = self._meet(pair.i, pair.j, now, stops)
@@ -82,7 +82,7 @@ class Contacts:
         return stops or None
 
     def _apart(self, i: int, j: int, now: float, stops: Stops) -> tuple[float, float, float, float, float, float]:
-        """Return where j is from i at a part of the step, and how far i and j would move in a whole step."""
+        """Return the vector from i to j at a part of the step, and how far i and j would move in a whole step."""
         x, y, to_x, to_y = self._bodies.x, self._bodies.y, self._to_x, self._to_y
         at_i, at_j = stops.get(i, now), stops.get(j, now)
         ix, iy = to_x[i] - x[i], to_y[i] - y[i]
@@ -96,16 +96,16 @@ class Contacts:
         return rx, ry, ix, iy, jx, jy
 
     def _meet(self, i: int, j: int, now: float, stops: Stops) -> float:
-        """Return at which part of the step, from `now` on, two robots meet; infinite if they do not."""
+        """Return the part of the step, from `now` on, at which two robots meet; infinite if they do not."""
         rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
         radius = self._bodies.radius
         return now + enter_disc(rx, ry, jx - ix, jy - iy, radius[i] + radius[j])
 
     def _who_stops(self, i: int, j: int, now: float, stops: Stops) -> tuple[int, ...]:
-        """Return those of two robots that meet which move towards the other."""
+        """Return which of two robots that meet move towards the other."""
         rx, ry, ix, iy, jx, jy = self._apart(i, j, now, stops)
         towards_j, towards_i = ix * rx + iy * ry, -(jx * rx + jy * ry)
         if towards_i > 0.0 and towards_j > 0.0:
             return i, j
-        # At least one does; were rounding to hide it, the one that comes nearer to doing so.
+        # At least one does; if rounding hides it, return the one that comes nearer to doing so.
         return (i,) if towards_j >= towards_i else (j,)

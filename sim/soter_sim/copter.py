@@ -1,8 +1,8 @@
 """Multicopters without physics: point masses with limited acceleration, in the same world and under the same rules.
 
-Velocity changes towards what the pilot wants, along a straight line and at no more than a constant rate: east and north
-together, up by itself. In between it is taken as linear, so that positions are exact. The rules are those of the ground
-robots, seen from above: a copter is a disc at any height, and boxes have no top, so that no way leads over them.
+Velocity changes towards what the pilot wants, along a straight line and at most at a constant rate: east and north
+together, up by itself. Within a step it is linear, so that positions are exact. The rules are those of ground robots,
+seen from above: a copter is a disc at any height, and boxes have no top, so copters cannot pass over them.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ from soter_sim.contacts import Contacts
 from soter_sim.judge import Judge
 
 STEP_S: Final = 0.05
-"""Control period and integration step, unless another is asked for."""
+"""Default control period and integration step."""
 
 V_MAX_M_S: Final = 0.5
-"""No copter is faster over the ground."""
+"""Top speed over the ground."""
 
 ACCEL_M_S2: Final = 2.0
-"""Speed changes at this rate at most, over the ground and up; brakes never fall short of it."""
+"""Largest acceleration, over the ground and up; braking always reaches it."""
 
 CLIMB_MAX_M_S: Final = 0.5
-"""No copter goes up or down faster."""
+"""Top speed up and down."""
 
 YAW_RATE_MAX_RAD_S: Final = 1.5
-"""No copter turns faster."""
+"""Top turn rate."""
 
 LIMITS: Final = DriveLimits(V_MAX_M_S, YAW_RATE_MAX_RAD_S, ACCEL_M_S2, ACCEL_M_S2)
-"""What a copter can do of which nothing else is asked; it changes its speed at its braking rate, in any direction."""
+"""Default limits; a copter accelerates at its braking rate, in any direction."""
 
 SINK_M_S: Final = 0.3
-"""A copter whose battery is empty comes down at this rate, and goes nowhere else."""
+"""Speed at which a copter with an empty battery comes down, straight."""
 
 
 class Flight(NamedTuple):
-    """How a copter flies.
+    """State of a copter.
 
     Attributes:
         x_m: east.
@@ -65,23 +65,23 @@ class Flight(NamedTuple):
 
 
 Wanted = tuple[float, float, float, float]
-"""What a pilot steers for: velocity east, north and up in m/s, and the turn rate in rad/s."""
+"""A pilot's command: velocity east, north and up in m/s, and the turn rate in rad/s."""
 
 Pilot = Callable[[float, Flight], Wanted]
-"""A copter's side of the world, called once in each control period with the time in seconds."""
+"""A copter's control, called once in each control period with the time in seconds and the copter's state."""
 
 _HOVER: Final[Wanted] = (0.0, 0.0, 0.0, 0.0)
 
 
 def hover(_now_s: float, _flight: Flight) -> Wanted:
-    """Steer for rest: what a copter does that nobody pilots; on the ground it stays there."""
+    """Return the command to rest; the default pilot. A copter on the ground stays there."""
     return _HOVER
 
 
 class CopterEngine:
     """Moves copters; implements `soter_sim.engine.Engine`.
 
-    `bodies.control` is not asked: a command for the ground has too few parts. Pilots are.
+    It uses `pilots` instead of `bodies.control`, whose commands have no vertical part.
 
     Args:
         workspace: fence, boxes and chargers.
@@ -91,7 +91,7 @@ class CopterEngine:
 
     Attributes:
         z: metres above the ground, by robot.
-        pilots: what steers each copter.
+        pilots: the pilot of each copter.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class CopterEngine:
         return self._east[index], self._north[index]
 
     def flight(self, index: int) -> Flight:
-        """Return how a copter flies."""
+        """Return the state of a copter."""
         bodies = self.bodies
         return Flight(
             bodies.x[index], bodies.y[index], self.z[index], bodies.heading[index],
@@ -140,17 +140,17 @@ class CopterEngine:
         )  # fmt: skip
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: there is nothing to free."""
 
     def _fly(self, i: int, now_s: float) -> None:
-        """Ask the pilot, and work out where one step takes the copter."""
+        """Call the pilot, and compute where one step takes the copter."""
         bodies, step_s, limits = self.bodies, self.period_s, self.bodies.limits[i]
         east, north, up, turn = _clamped(self.pilots[i](now_s, self.flight(i)), limits)
         if bodies.charge[i] <= 0.0:
             east, north, up, turn = 0.0, 0.0, -SINK_M_S, 0.0
         z_m = self.z[i]
         if z_m <= 0.0 and up <= 0.0:
-            # Legs on the ground: it neither slides nor turns.
+            # On the ground it neither slides nor turns.
             east = north = up = turn = 0.0
         most_m_s = limits.brake_m_s2 * step_s
         was_east, was_north, was_up = self._east[i], self._north[i], self._up[i]
@@ -170,7 +170,7 @@ class CopterEngine:
         bodies.yaw_rate[i] = turn
 
     def _use_charge(self, i: int, now_s: float, *, flies: bool) -> None:
-        """Charge, or use charge, for one step: what flies uses as much as the fastest robot on the ground."""
+        """Charge, or use charge, for one step; flying uses as much as driving at top speed."""
         bodies, judge = self.bodies, self._judge
         left, on_charger = bodies.charge[i], judge.on_charger[i]
         if on_charger and not flies and self._east[i] == self._north[i] == 0.0:
@@ -191,7 +191,7 @@ class CopterEngine:
 
 
 def _clamped(wanted: Wanted, limits: DriveLimits) -> Wanted:
-    """Return what a copter can do of what is wanted; rest, for what is no number."""
+    """Return a command within a copter's limits; rest for NaN."""
     if not all(map(isfinite, wanted)):
         return _HOVER
     east, north, up, turn = wanted

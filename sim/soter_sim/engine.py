@@ -1,4 +1,4 @@
-"""What a world needs of an engine."""
+"""The interface of a world's engine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Engine(Protocol):
     record: Record
 
     def run(self, until_period: int) -> None:
-        """Run until so many periods have passed since the start; nothing if they have already.
+        """Run until this many periods have passed since the start; do nothing if they have already.
 
         At the beginning of each period every robot's control is called, in order.
         """
@@ -38,4 +38,4 @@ class Engine(Protocol):
 
 
 EngineFactory = Callable[[Workspace, Sequence[RobotSpec], RuleLimits], Engine]
-"""Makes the engine of one world, which is judged by the limits."""
+"""Makes the engine of a world; the limits are those that the world is judged by."""

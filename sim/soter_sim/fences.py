@@ -13,24 +13,24 @@ from soter_sim.sweep import cross_rectangle, point_to_chord
 
 
 class WorldFence(Protocol):
-    """How far inside robots are."""
+    """Says how far inside the fence robots are."""
 
     def margin(self, x0: float, y0: float, x1: float, y1: float) -> float:
         """Return the least distance to the fence of a chord's points, negative outside.
 
-        Where the fence is convex this is that of one of the ends, and the beginning has been looked at before.
+        For a convex fence this is the distance of the chord's end, since its beginning was judged before.
         """
 
     def outside(self, x0: float, y0: float, dx: float, dy: float) -> list[tuple[float, float]]:
-        """Return the parts of a chord, from 0 to 1, that are more than the tolerance outside."""
+        """Return the parts of a chord, from 0 to 1, that lie outside by more than the tolerance."""
 
 
 def fence_of(workspace: Workspace, tolerance_m: float) -> WorldFence:
     """Return the fence of a workspace.
 
     Args:
-        workspace: of any shape.
-        tolerance_m: a centre that is no farther outside is inside.
+        workspace: a workspace of any shape.
+        tolerance_m: a centre outside by no more than this counts as inside.
     """
     if not isinstance(workspace, Site):
         return _Rectangle(workspace.width_m, workspace.depth_m, tolerance_m)

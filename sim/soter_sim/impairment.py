@@ -1,7 +1,7 @@
-"""Vehicles that are not what they were: wheels that slip, brakes that are worn, robots that are dead.
+"""Impaired vehicles: wheels that slip, worn brakes, dead motors.
 
-What is wrong stands between a robot's control and the engine, so that it is the same on every engine: the engine
-moves a body as commanded, and the command is what the wheels still bring to the ground.
+An impairment changes the command between a robot's control and the engine, so that it is the same on every engine: the
+engine moves a body as commanded, and the command is what the wheels still bring to the ground.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ TRACK_M: Final = 0.14
 
 
 class Impairment(NamedTuple):
-    """What is wrong with one vehicle; the defaults are nothing.
+    """The impairment of one vehicle; none by default.
 
     Attributes:
         left: part of the left wheel's motion that reaches the ground, from 0 to 1.
-        right: the same of the right wheel.
+        right: part of the right wheel's motion that reaches the ground, from 0 to 1.
         brake: part of the deceleration that the brakes still have, from 0 to 1.
-        alive: False: the motors are off, and brake.
+        alive: whether the motors are on; if not, they brake.
     """
 
     left: float = 1.0
@@ -36,10 +36,10 @@ def impaired(control: Control, impairment: Impairment, period_s: float, limits: 
     """Return the control of an impaired vehicle.
 
     Args:
-        control: what steers it.
-        impairment: what is wrong with it.
+        control: the control of the intact vehicle.
+        impairment: its impairment.
         period_s: the control period.
-        limits: what it could do before.
+        limits: the limits of the intact vehicle.
 
     Raises:
         ValueError: a part is not between 0 and 1.
@@ -62,7 +62,7 @@ def impaired(control: Control, impairment: Impairment, period_s: float, limits: 
             half = 0.5 * TRACK_M * w_to
             on_left, on_right = left * (v_to - half), right * (v_to + half)
             v_to, w_to = 0.5 * (on_left + on_right), (on_right - on_left) / TRACK_M
-        # Worn brakes cannot bring the speed nearer to 0 than this within one period.
+        # Worn brakes cannot bring the speed below this within one period.
         least = abs(v_m_s) - slower
         if brake < 1.0 and least > 0.0:
             v_to = max(v_to, least) if v_m_s > 0.0 else min(v_to, -least)
@@ -72,5 +72,5 @@ def impaired(control: Control, impairment: Impairment, period_s: float, limits: 
 
 
 def _limited(value: float, most: float) -> float:
-    """Return a command as the engines take it."""
+    """Return a command clamped as the engines do."""
     return max(-most, min(most, value)) if isfinite(value) else 0.0

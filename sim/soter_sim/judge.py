@@ -1,8 +1,8 @@
-"""Judges what the robots of a world do: exactly, and only when something can have changed.
+"""Judges the robots of a world by the rules: exactly, and only when something can have changed.
 
-Both engines move robots along straight chords, one a step. From each look the judge works out how many steps the
-robots need at least, at top speed, before a margin can fall below its least value so far or a rule can change
-sides. Until then there is nothing to see, so nothing is missed and most steps cost one comparison.
+Both engines move robots along straight chords, one per step. At each look the judge computes how many steps robots need
+at least, at top speed, before a margin can fall below its least value so far, or a rule can be broken or hold again.
+Until then there is nothing to see, so nothing is missed, and most steps cost one comparison.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from soter_sim.sweep import (
 from soter_sim.truth import FENCE_TOLERANCE_M, PENETRATION_M, TOUCH_M, Record
 
 REBUILD_STEPS: Final = 32
-"""The list of pairs that are near enough to be judged is made anew after so many steps."""
+"""Steps after which the list of pairs that are near enough to be judged is made anew."""
 
 Stops = dict[int, float]
-"""By robot, the part of the step after which it was stopped by what it ran into."""
+"""By robot, the part of the step after which it was stopped by an impact."""
 
 
 class Pair:
@@ -35,7 +35,7 @@ class Pair:
     Attributes:
         i: the first robot's index.
         j: the second's, larger.
-        due: the step in which to judge them next.
+        due: the step at which to judge them next.
         apart_m: nearer than this they are in collision.
         contact_m: nearer than this their bodies overlap.
     """
@@ -53,16 +53,16 @@ class Judge:
         workspace: fence, boxes and chargers.
         bodies: the robots, at their places at time 0.
         step_s: duration of a step.
-        speed_m_s: no robot is faster.
+        speed_m_s: top speed of all robots.
         limits: what the mission promises.
 
     Attributes:
-        due: no look is needed before this step.
+        due: the first step at which a look is needed.
         boxes: the obstacles.
-        box_due: by robot, it touches no box before this step.
+        box_due: by robot, the first step at which it may touch a box.
         on_charger: by robot, whether its centre is on a charger.
         pairs: the pairs that may come near each other before the list is made anew.
-        record: what was found.
+        record: the findings.
     """
 
     def __init__(
@@ -71,11 +71,11 @@ class Judge:
         self._x, self._y, self._ids = bodies.x, bodies.y, bodies.ids
         self._count = len(bodies.ids)
         self._step_s = step_s
-        # A hair more than the longest chord, so that rounding cannot make a look come late.
+        # Slightly more than the longest chord, so that rounding cannot make a look come late.
         self._reach_m = speed_m_s * step_s * (1.0 + 1e-9)
         self._radius = bodies.radius
         self._separation_m = limits.separation_m
-        # Centres keep so far from boxes, and bodies so far.
+        # Least distances from boxes: of centres, and of bodies.
         self._keep = [radius_m + limits.clearance_m for radius_m in bodies.radius]
         self._clear = [keep_m - radius_m for keep_m, radius_m in zip(self._keep, bodies.radius, strict=True)]
         self._fence = fence_of(workspace, FENCE_TOLERANCE_M)
@@ -95,22 +95,22 @@ class Judge:
     # --- what engines report -------------------------------------------------------------------------------
 
     def flat(self, index: int, at_s: float) -> None:
-        """A robot's charge is 0 at `at_s`, away from a charger."""
+        """Record that a robot's charge is 0 at `at_s`, away from a charger."""
         self.record.begin("battery", (self._ids[index],), at_s)
 
     def charged(self, index: int, at_s: float) -> None:
-        """A robot that was flat stands on a charger."""
+        """Record that a robot that was flat stands on a charger."""
         self.record.end("battery", (self._ids[index],), at_s)
 
     def hit_box(self, index: int, at_s: float) -> None:
-        """A robot was stopped by a box, or presses against one."""
+        """Record that a robot was stopped by a box, or presses against one."""
         if not self._touches_box[index]:
             self._touches_box[index] = True
             self.record.box_contacts += 1
             self.record.begin("obstacle", (self._ids[index],), at_s)
 
     def hit_robot(self, first: int, second: int, at_s: float) -> None:
-        """A robot was stopped by another, or they press against each other."""
+        """Record that a robot was stopped by another, or that they press against each other."""
         pair = (first, second)
         if pair not in self._touching:
             self._touching.add(pair)
@@ -120,12 +120,12 @@ class Judge:
     # --- looking -------------------------------------------------------------------------------------------
 
     def look(self, step: int, to_x: list[float], to_y: list[float], stops: Stops | None = None) -> None:
-        """Judge one step, in which each robot moved from `bodies` to (`to_x`, `to_y`); called before `bodies` moves.
+        """Judge one step, in which each robot moved from `bodies` to (`to_x`, `to_y`); called before `bodies` changes.
 
         Args:
-            step: its number; it began at `step * step_s`.
-            to_x: where each robot is at its end.
-            to_y: the same.
+            step: the step's number; it began at `step * step_s`.
+            to_x: where each robot is at the end of the step, east.
+            to_y: where each robot is at the end of the step, north.
             stops: the robots that were stopped on the way.
         """
         static_due = self._static_due
@@ -154,10 +154,10 @@ class Judge:
             least["geofence"] = margin
         if margin < -FENCE_TOLERANCE_M or (self.record.open and ("geofence", (self._ids[index],)) in self.record.open):
             self._look_at_fence(index, step, x0, y0, x1, y1, 1.0 if stops is None else stops.get(index, 1.0))
-        # Without a fence both are infinite, and so is the way to it.
+        # Without a fence both are infinite, and so is the slack.
         slack = inf if margin == inf else max(margin - max(least["geofence"], -FENCE_TOLERANCE_M), 0.0)
 
-        # Far boxes may be left out only while they cannot hold the least clearance.
+        # Far boxes may be left out only while they cannot have the least clearance.
         care = max(least["obstacle"], TOUCH_M)
         boxes = self.boxes.all if care + keep_m + reach > NEAR_M else self.boxes.near(x1, y1)
         near = inf if boxes is self.boxes.all else NEAR_M
@@ -186,7 +186,7 @@ class Judge:
 
     def _look_at_fence(self, index: int, step: int, x0: float, y0: float, x1: float, y1: float, stop: float) -> None:
         robots = (self._ids[index],)
-        # A robot that was stopped drove its chord within the first part of the step.
+        # A robot that was stopped covered its chord within the first part of the step.
         at_s, lasts_s = step * self._step_s, stop * self._step_s
         parts = self._fence.outside(x0, y0, x1 - x0, y1 - y0)
         if not parts or parts[0][0] > 0.0:
@@ -215,7 +215,7 @@ class Judge:
             self.record.end("obstacle", robots, (step + 1) * self._step_s)
 
     def _find_pairs(self, step: int, x: list[float], y: list[float]) -> None:
-        """List the pairs that, until the next time, can come into contact, into collision or to the least margin."""
+        """List the pairs that may come into contact, into collision or to the least margin before the next listing."""
         self._rebuild = step + REBUILD_STEPS
         if self._count < 2:
             return
@@ -239,7 +239,7 @@ class Judge:
                     apart_m = max(separation_m, contact_m)
                     due = step + int(max(sqrt(distance_sq) - (apart_m + spare_m), 0.0) / reach)
                     pairs.append(Pair(min(first, second), max(first, second), due, apart_m, contact_m))
-        # Sorted, so that what is found in one step is found in the same order whatever the robots' places.
+        # Sorted, so that the findings of one step are in the same order wherever the robots are.
         pairs.sort(key=lambda pair: (pair.i, pair.j))
         self.pairs = pairs
 
@@ -281,7 +281,7 @@ class Judge:
     def _look_at_piece(
         self, pair: Pair, step: int, since: float, until: float, rx: float, ry: float, end_x: float, end_y: float
     ) -> None:
-        """Note when, between two parts of a step, a pair comes into collision and out of it."""
+        """Record when, between two parts of a step, a pair comes into collision and out of it."""
         robots = (self._ids[pair.i], self._ids[pair.j])
         at_s, step_s = step * self._step_s, self._step_s
         inside = inside_disc(rx, ry, end_x - rx, end_y - ry, pair.apart_m)

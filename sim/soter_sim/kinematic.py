@@ -4,9 +4,9 @@ In each step, of 0.05 s by default, the speeds change towards the command at con
 the circular arc with the length and turn that result. Bodies stop where they touch. They may turn in contact, and they
 may move away again. A robot that pushes uses charge as if it drove.
 
-One loop over plain floats serves few robots and many: commands come from one call for each robot anyway, and what
-grows with the square of the number of robots, the tests of pairs, is left to the judge's short list. So any robot
-moves in the same way, bit for bit, whoever else is far away.
+One loop over plain floats serves few robots and many: each robot's command needs a call anyway, and the cost that would
+grow with the square of the number of robots, the tests of pairs, is limited to the judge's short list. So a robot moves
+in the same way, bit for bit, whichever other robots are far away.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from soter_sim.contacts import Contacts
 from soter_sim.judge import Judge
 
 STEP_S: Final = 0.05
-"""Control period and integration step, unless another is asked for; 1/STEP_S is 20 Hz."""
+"""Default control period and integration step; 1/STEP_S is 20 Hz."""
 
 _Constants = tuple[
     int, float, float, float, float, float, float, bool, float, float, float, float, float, float
@@ -95,7 +95,7 @@ class KinematicEngine:
                     else:
                         dv_max, ramp_v = dv_down, ramp_down
                         if uneven and v_to * v_is < 0.0:
-                            # Rest first: it brakes at one rate, and speeds up at the other.
+                            # Stop at rest first: it brakes and speeds up at different rates.
                             v_to = 0.0
                             change = -v_is
                     if change > dv_max:
@@ -133,7 +133,7 @@ class KinematicEngine:
                         to_y[i] = y[i]
                     else:
                         half = 0.5 * turn
-                        # Half of the smallest number is 0.
+                        # Half of the smallest float is 0.
                         chord = length * (sin(half) / half) if half != 0.0 else length
                         to_x[i] = x[i] + chord * cos(angle + half)
                         to_y[i] = y[i] + chord * sin(angle + half)
@@ -174,14 +174,14 @@ class KinematicEngine:
         return speed * cos(heading), speed * sin(heading)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: there is nothing to free."""
 
 
 def _constants(bodies: Bodies, i: int, step_s: float) -> _Constants:
-    """Return what does not change of a robot: its index, what it can do, and what that costs.
+    """Return a robot's constants: its index, its limits, and what motion costs.
 
-    What it can do are top speeds, and by how much speeds change in a step. While a speed changes by d at the rate a,
-    the robot falls behind its new speed by d |d| / 2a.
+    Limits are top speeds, and by how much speeds change in a step. While a speed changes by d at the rate a, the robot
+    falls behind its new speed by d |d| / 2a.
     """
     own, idle_per_s = bodies.limits[i], bodies.idle_per_s[i]
     busy_per_s = bodies.drive_per_s[i] - idle_per_s

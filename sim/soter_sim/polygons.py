@@ -1,4 +1,4 @@
-"""The polygons around a place, found quickly however many there are."""
+"""Finds the polygons around a place, quickly however many there are."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from soter_sim.shapes import Polygon, chord_to_polygon, meet_polygon, point_to_p
 
 
 class Polygons:
-    """What `Boxes` is, for polygons.
+    """A fixed set of polygons, as `Boxes` is of boxes.
 
     Args:
         polygons: the polygons.
-        yaw_rad: the direction that most of their edges have; what is near is looked up along it.
+        yaw_rad: the direction of most of their edges, along which the cells for look-ups lie.
 
     Attributes:
         all: the polygons' corners.

@@ -1,4 +1,4 @@
-"""What the programs of simulated robots on a wire have in common."""
+"""The common part of the programs of simulated robots on a wire."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _NICE: Final = -10
 
 
 def make_parser(module: str, what: str, example: str | None = None) -> argparse.ArgumentParser:
-    """Return a parser of what all of them are told.
+    """Return the parser of their common arguments.
 
     Args:
-        module: what Python is told to run.
-        what: what the robots are called.
-        example: of what names a robot whose base is sent velocities; None for other robots.
+        module: the module that Python runs.
+        what: the robots' name in messages.
+        example: example of a namespace, for robots whose bases are sent velocities; None for other robots.
     """
     parser = argparse.ArgumentParser(
         prog=f"python -m {module}", description=f"Simulated {what}, in real time; the world comes as JSON on "
@@ -39,18 +39,18 @@ def make_parser(module: str, what: str, example: str | None = None) -> argparse.
             "--namespaces", required=True, metavar=f"1={example},...", help="by robot, where its messages are"
         )
         parser.add_argument("--stamped", action="store_true", help="velocities are TwistStamped")
-    parser.add_argument("--truth-port", type=int, default=0, help="where to tell the truth; 0 for any that is free")
+    parser.add_argument("--truth-port", type=int, default=0, help="serve ground truth on this port; 0 for any free one")
     parser.add_argument("--parent", type=int, metavar="PID", help="end when this process is no longer the parent")
     return parser
 
 
 def read_namespaces(text: str) -> dict[int, str]:
-    """Read what `--namespaces` says."""
+    """Return the value of `--namespaces`."""
     return {int(number): name for number, _, name in (each.partition("=") for each in text.split(","))}
 
 
 def read_world() -> tuple[Workspace, Sequence[RobotSpec], RuleLimits]:
-    """Read the world that comes on standard input, and what its mission promises."""
+    """Read a world, and what its mission promises, from standard input."""
     made_of, robots, limits = TypeAdapter(tuple[Workspace | SitePlan, tuple[RobotSpec, ...], RuleLimits]).validate_json(
         sys.stdin.buffer.read()
     )
@@ -58,7 +58,7 @@ def read_world() -> tuple[Workspace, Sequence[RobotSpec], RuleLimits]:
 
 
 def serve(endpoint: RealTimeWorld, ended: Ending, **told: object) -> None:
-    """Say where the truth is, and what else is told, in a line of JSON; then run until it is to end."""
+    """Print the address of the truth, and `told`, as a line of JSON; then run until it is to end."""
     try:
         sys.stdout.write(json.dumps({"truth": endpoint.truth.address, **told}) + "\n")
         sys.stdout.flush()
@@ -70,9 +70,9 @@ def serve(endpoint: RealTimeWorld, ended: Ending, **told: object) -> None:
 
 
 def _favour() -> None:
-    """Let all threads wait less for what the host does besides, where the kernel allows it.
+    """Have all threads wait less for other work of the host, where the kernel allows it.
 
-    Robots have computers of their own. What commands them may be scheduled in real time, and comes first all the same.
+    Real robots have computers of their own. A supervisor that is scheduled in real time still comes first.
     """
     with suppress(OSError):
         for task in Path("/proc/self/task").iterdir():

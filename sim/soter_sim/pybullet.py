@@ -1,7 +1,7 @@
 """The engine with physics: rigid bodies in PyBullet, 240 steps a second.
 
-Wheels are turned by velocity motors that follow their target within a step or two; what limits the acceleration is
-that the target moves slowly.
+Wheels are turned by velocity motors that follow their target within a step or two; acceleration is limited by moving
+the target slowly.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from soter_sim.judge import Judge
 
 @contextmanager
 def nothing_printed() -> Iterator[None]:
-    """Drop what C code prints: PyBullet greets while it is imported, and talks of its windows."""
+    """Drop what C code prints: PyBullet prints a greeting when it is imported, and messages about windows."""
     sys.stdout.flush()
     nothing, kept = os.open(os.devnull, os.O_WRONLY), {stream: os.dup(stream) for stream in (1, 2)}
     try:
@@ -34,7 +34,7 @@ def nothing_printed() -> Iterator[None]:
             os.dup2(nothing, stream)
         yield
     finally:
-        # What C has not written yet would otherwise be written when its output is back.
+        # Otherwise C would print its buffered output once its stdout is restored.
         ctypes.CDLL(None).fflush(None)
         for stream, before in kept.items():
             os.dup2(before, stream)
@@ -59,15 +59,15 @@ _WHEEL_AT_M: Final = 0.07
 _WHEELS: Final = (0, 1)
 _ALL_LINKS: Final = (-1, 0, 1)
 _MOTOR_N_M: Final = 10.0
-# Sliders hang so far above the ground, and a body rocks from one to the other when it brakes. A wheel turns with its
-# body then: were the gap enlarged with the model, a robot of 1 m would brake 0.04 m/s late.
+# Height of the sliders: they hang slightly above the ground, and a body rocks from one to the other when it brakes, and
+# turns its wheels with it. If the gap grew with the model, a robot of 1 m would brake 0.04 m/s late.
 _SLIDER_AT_M: Final = -0.0198
 _SLIDER_GAP_M: Final = 0.0002
 # A robot does 0.22001 m/s when told 0.22. With this part of its top speed it stays below.
 _TOP_SPEED: Final = 0.9995
 # Motors lag behind their target by about a step; they still stop within the promised distance.
 _BRAKE: Final = 1.06
-# So many times its top speed no robot has, also after a shove by another one, which is as fast, and never less.
+# No robot is faster than this many times its top speed, even after a push by another robot of the same speed.
 _BOUND: Final = 2.0
 _BOUND_M_S: Final = 0.5
 _MOST_BOXES: Final = 10_000
@@ -102,7 +102,7 @@ class PyBulletEngine:
         self._done = 0
         count = len(specs)
         self._to_x, self._to_y = [*self.bodies.x], [*self.bodies.y]
-        # The model is a robot of the usual radius; larger ones are the same, enlarged.
+        # The model is a robot of the default radius, scaled for others.
         self._scale = [radius_m / BODY_RADIUS_M for radius_m in self.bodies.radius]
         self._v_target, self._w_target = [0.0] * count, [0.0] * count
         self._east, self._north = [0.0] * count, [0.0] * count
@@ -199,7 +199,7 @@ class PyBulletEngine:
     def _put_piece(self, ring: Sequence[tuple[float, float]], height_m: float) -> int:
         """Put a convex polygon on the ground as a prism; return its body's id."""
         client = self._client
-        # Around its own middle, as the library calculates in single precision.
+        # Around its own middle, since the library computes in single precision.
         middle_x, middle_y = sum(x for x, _ in ring) / len(ring), sum(y for _, y in ring) / len(ring)
         vertices = [(x - middle_x, y - middle_y, z) for x, y in ring for z in (0.0, height_m)]
         shape = bullet.createCollisionShape(bullet.GEOM_MESH, vertices=vertices, physicsClientId=client)
@@ -225,8 +225,8 @@ class PyBulletEngine:
             bullet.changeDynamics(
                 robot,
                 link,
-                # The body slides along what it touches, and so do the two sliders that keep it upright. Wheels grip as
-                # a larger body needs: what turns it as fast as a small one grows with its radius, its weight does not.
+                # The body slides along what it touches, and so do the two sliders that keep it upright. Larger bodies
+                # need more grip: the force to turn as fast grows with the radius, but their weight does not.
                 lateralFriction=0.0 if link < 0 else max(1.0, scale),
                 spinningFriction=0.0,
                 rollingFriction=0.0,
@@ -248,7 +248,7 @@ class PyBulletEngine:
     # --- steering ------------------------------------------------------------------------------------------
 
     def _ramps(self, now_s: float) -> list[tuple[int, float, float]]:
-        """Ask every robot's control, use up charge, and return which targets must move in this period, and where to."""
+        """Call every robot's control, use charge, and return the targets to move in this period, and where to."""
         bodies, judge = self.bodies, self._judge
         ramps = []
         for i, control in enumerate(bodies.control):
@@ -265,7 +265,7 @@ class PyBulletEngine:
         return ramps
 
     def _use_charge(self, i: int, now_s: float, v: float, yaw_rate: float) -> None:
-        """Charge, or use charge, for one period in which the wheels turn for these speeds."""
+        """Charge, or use charge, for one period with the wheels commanded to these speeds."""
         bodies, judge, limits = self.bodies, self._judge, self.bodies.limits[i]
         charge, on_charger = bodies.charge, judge.on_charger[i]
         left = charge[i]
@@ -287,7 +287,7 @@ class PyBulletEngine:
             judge.flat(i, now_s)
 
     def _turn_wheels(self, i: int, v_to: float, w_to: float) -> None:
-        """Move a robot's target by what one physics step allows."""
+        """Move a robot's target by as much as one physics step allows."""
         v_is, w_is = self._v_target[i], self._w_target[i]
         if v_is == v_to and w_is == w_to:
             return
@@ -309,7 +309,7 @@ class PyBulletEngine:
     # --- reading -------------------------------------------------------------------------------------------
 
     def _read_places(self, x: list[float], y: list[float]) -> None:
-        # PyBullet gives the centre of mass; the model has it on the wheels' axis, where the robot's position is.
+        # PyBullet returns the centre of mass, which the model has on the wheels' axis, at the robot's position.
         for i, robot in enumerate(self._robots):
             position, _ = bullet.getBasePositionAndOrientation(robot, physicsClientId=self._client)
             x[i], y[i] = position[0], position[1]
@@ -329,7 +329,7 @@ class PyBulletEngine:
         """Tell the judge which robots press against boxes or each other at the end of a step."""
         judge, client, robots = self._judge, self._client, self._robots
         for i, due in enumerate(judge.box_due):
-            # A contact point is there before bodies touch; it presses once they do.
+            # A contact point exists before bodies touch; it has a force once they do.
             if due <= step and any(
                 point[2] in self._boxes and point[9] > 0.0
                 for point in bullet.getContactPoints(bodyA=robots[i], physicsClientId=client)
@@ -349,7 +349,7 @@ class PyBulletEngine:
 
 
 def _model(scale: float) -> str:
-    """Return the model of a robot, with which its sliders' gap does not grow."""
+    """Return the model of a robot, scaled except for the sliders' gap."""
     model = (files("soter_sim") / "data" / "burger.urdf").read_text()
     if scale <= 1.0:
         return model
@@ -357,7 +357,7 @@ def _model(scale: float) -> str:
 
 
 def _clamped(value: float, limit: float) -> float:
-    """Return a command within its limit; 0 for what is no number."""
+    """Return a command within its limit; 0 for NaN."""
     if -limit <= value <= limit:
         return value
     return limit if value > limit else -limit if value < -limit else 0.0

@@ -1,4 +1,4 @@
-"""A world that keeps pace with the host's clock, and tells its truth: what all simulated robots on a wire live in."""
+"""A world that keeps pace with the host's clock and serves its truth, for simulated robots on a wire."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class RealTimeWorld(ABC):
         robots: its robots.
         limits: what the mission promises.
         step_s: control period and integration step.
-        truth_port: where to tell the truth; 0 for any port that is free.
-        speedup: seconds of the world in one of the host.
+        truth_port: port that serves the truth; 0 for any free one.
+        speedup: seconds of the world per second of the host.
 
     Attributes:
         world: the world.
-        truth: where its truth is told.
+        truth: serves its truth.
     """
 
     def __init__(
@@ -48,8 +48,7 @@ class RealTimeWorld(ABC):
     def run(self, stop: Callable[[], bool]) -> None:
         """Keep pace with the host's clock until told to stop.
 
-        A host that was busy is caught up with: the world first lives through what it has missed, with the commands that
-        it had then.
+        After a delay of the host, the world first runs the periods that it has missed, with the commands of that time.
         """
         world, pace_s, began_s = self.world, self._pace_s, time.perf_counter()
         steps = told = 0
@@ -72,14 +71,14 @@ class RealTimeWorld(ABC):
 
     @abstractmethod
     def _wait(self, seconds: float) -> None:
-        """Let so much of the host's time pass; what comes meanwhile may end that early."""
+        """Let time of the host pass; incoming messages may end the wait early."""
 
     def _hear(self) -> None:
-        """Take what has come, without waiting."""
+        """Take received messages, without waiting."""
 
     @abstractmethod
     def _tell(self, before: int, steps: int) -> None:
-        """Say what is due after so many steps, `before` of which were told already."""
+        """Send what is due after `steps` steps, of which `before` were reported already."""
 
     def _end(self) -> None:
-        """Free what is held besides. Idempotent."""
+        """Free what a subclass holds. Idempotent."""

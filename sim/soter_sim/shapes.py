@@ -1,8 +1,8 @@
 """Exact distances and times of impact of bodies that move along straight chords, to polygons.
 
-What `soter_sim.sweep` does for boxes. A polygon is a tuple of corners, in order; it may have any shape. Nothing here is
-shared with what robots calculate with: distances are those to the edges, and inside is where a ray crosses them an odd
-number of times.
+`soter_sim.sweep` does the same for boxes. A polygon is a tuple of corners, in order; it may have any shape. Nothing
+here is shared with the geometry that robots use: distances are those to the edges, and a point is inside if a ray from
+it crosses them an odd number of times.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def chord_to_polygon(x: float, y: float, dx: float, dy: float, polygon: Polygon)
 
 
 def crossings(x: float, y: float, dx: float, dy: float, polygon: Polygon) -> list[float]:
-    """Return at which parameters, from 0 to 1, a chord crosses the edges of a polygon, in order."""
+    """Return the parameters, from 0 to 1, at which a chord crosses the edges of a polygon, in order."""
     found = []
     ax, ay = polygon[-1]
     for bx, by in polygon:
@@ -79,7 +79,7 @@ def crossings(x: float, y: float, dx: float, dy: float, polygon: Polygon) -> lis
 def meet_polygon(x: float, y: float, dx: float, dy: float, polygon: Polygon, radius: float) -> float:
     """Return when a disc that moves along a chord meets a polygon; infinite if it does not.
 
-    A disc that touches or overlaps an edge already has met it, at 0, if it moves towards it, and else has not.
+    A disc that already touches or overlaps an edge meets it at 0 if it moves towards it, and not at all if not.
     """
     met = inf
     ax, ay = polygon[-1]

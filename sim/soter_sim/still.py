@@ -24,17 +24,17 @@ _BOX: Final = (0.44, 0.48, 0.54)
 _CHARGER: Final = (0.62, 0.88, 0.78)
 _DARK: Final = (0.15, 0.17, 0.20)
 _FENCE_M: Final = (0.04, 0.10)
-"""Thickness and height of a fence as it is drawn; what it is made of, nobody says."""
+"""Thickness and height of a fence in the picture; workspaces do not have them."""
 
 _RIM: Final = 3.0
-"""So many times as large as the workspace is the floor around it, so that the picture does not show its end."""
+"""Size of the floor relative to the workspace, so that the picture does not show the floor's edge."""
 
 _BODY_M: Final = 0.18
 _FIELD_DEG: Final = 34.0
 _LIGHT: Final = (-0.5, -1.0, 2.2)
 _SHADE: Final = (0.80, 0.81, 0.83)
 _SHADE_M: Final = (0.16, 0.05)
-"""How far a shadow is off a body, for each metre of its height. The library's own shadows fall on the bodies, too."""
+"""Offset of a shadow per metre of a body's height. The library's own shadows would also fall on the bodies."""
 
 
 class Standing(NamedTuple):
@@ -44,10 +44,10 @@ class Standing(NamedTuple):
         x_m: east.
         y_m: north.
         heading_rad: counter-clockwise from east.
-        radius_m: of its body.
-        body: its colour.
-        band: the colour of who drives it.
-        trail: where it came from, x and y in metres, in order.
+        radius_m: radius of its body.
+        body: colour of its body.
+        band: colour of its active controller.
+        trail: places that it has passed, x and y in metres, in order.
     """
 
     x_m: float
@@ -81,7 +81,7 @@ def photograph(
 
 
 class Scene:
-    """What is drawn in a world of PyBullet and has no body there.
+    """Draws visual shapes, without bodies, in a PyBullet world.
 
     Args:
         client: the number of the world.
@@ -110,7 +110,7 @@ class Scene:
             self._box((*shade, 0.001), (*half, 0.001), _SHADE)
 
     def lines(self, workspace: Workspace) -> None:
-        """Draw the fence, and where the chargers are."""
+        """Draw the fence and the chargers."""
         for place in workspace.robots:
             x_m, y_m = place.charger.centre
             wide, deep = place.charger.high_x_m - place.charger.low_x_m, place.charger.high_y_m - place.charger.low_y_m
@@ -120,7 +120,7 @@ class Scene:
             self._bar(start, end, *_FENCE_M, _FENCE)
 
     def robot(self, robot: Standing) -> None:
-        """Put a robot there: its body, a band in the colour of who drives it, a nose, and its trail."""
+        """Draw a robot: its body, a band in its active controller's colour, a nose, and its trail."""
         scale = robot.radius_m / 0.105
         high_m = _BODY_M * scale
         at = (robot.x_m, robot.y_m)
@@ -137,7 +137,7 @@ class Scene:
     def _bar(
         self, start: tuple[float, float], end: tuple[float, float], wide_m: float, high_m: float, colour: Colour
     ) -> None:
-        """Draw a bar along the ground from a place to another."""
+        """Draw a bar along the ground from one place to another."""
         along = math.hypot(end[0] - start[0], end[1] - start[1])
         middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2, high_m / 2)
         turn = math.atan2(end[1] - start[1], end[0] - start[0])
@@ -182,7 +182,7 @@ def _turns_left(ring: Sequence[tuple[float, float]]) -> bool:
 
 
 def _taken(client: int, workspace: Workspace, width_px: int, height_px: int) -> npt.NDArray[np.uint8]:
-    """Take the picture from so far away that all of the workspace is on it."""
+    """Take the picture from far enough away to show the whole workspace."""
     low_x, low_y, high_x, high_y = workspace.bounds
     size_m = max(high_x - low_x, high_y - low_y)
     away_m = 2.0 * size_m

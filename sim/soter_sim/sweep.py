@@ -15,7 +15,7 @@ def point_to_box(x: float, y: float, box: BoxEdges) -> float:
     """Return the signed distance from a point to a box: negative inside, by the depth."""
     low_x, low_y, high_x, high_y = box
     west, east, south, north = low_x - x, x - high_x, low_y - y, y - high_y
-    # Conditional expressions, because this is called so often that the calls of max() would show.
+    # Conditional expressions: this is called so often that calls of max() would cost noticeable time.
     dx = west if west > east else east  # noqa: FURB136
     dy = south if south > north else north  # noqa: FURB136
     if dx > 0.0:
@@ -41,7 +41,7 @@ def chord_to_box(x: float, y: float, dx: float, dy: float, box: BoxEdges) -> flo
     ends = min(point_to_box(x, y, box), point_to_box(x + dx, y + dy, box))
     if ends <= 0.0 or (dx == 0.0 and dy == 0.0):
         return ends
-    # The nearest pair of a segment and a rectangle that are apart has an end of the segment or a corner in it.
+    # Of a segment and a rectangle that do not meet, the nearest pair of points has an end of the segment or a corner.
     if 0.0 <= enter_rectangle(x, y, dx, dy, box) <= 1.0:
         return 0.0
     low_x, low_y, high_x, high_y = box
@@ -55,7 +55,7 @@ def chord_to_box(x: float, y: float, dx: float, dy: float, box: BoxEdges) -> flo
 
 
 def cross_rectangle(x: float, y: float, dx: float, dy: float, box: BoxEdges) -> tuple[float, float]:
-    """Return between which parameters a chord's line is in a closed rectangle; the first is larger if never."""
+    """Return the parameters between which a chord's line is in a closed rectangle; the first is larger if never."""
     low_x, low_y, high_x, high_y = box
     first, last = -inf, inf
     for at, step, low, high in ((x, dx, low_x, high_x), (y, dy, low_y, high_y)):
@@ -79,7 +79,7 @@ def enter_rectangle(x: float, y: float, dx: float, dy: float, box: BoxEdges) -> 
 def enter_disc(rx: float, ry: float, dx: float, dy: float, radius: float) -> float:
     """Return when a point at (rx, ry) that moves by (dx, dy) gets to `radius` from the origin; infinite if never.
 
-    A point that is there or nearer already has met it, at 0, if it moves towards the origin, and else has not.
+    A point that is already there or nearer does so at 0 if it moves towards the origin, and never if not.
     """
     closing = rx * dx + ry * dy
     if closing >= 0.0:
@@ -91,12 +91,12 @@ def enter_disc(rx: float, ry: float, dx: float, dy: float, radius: float) -> flo
     root = closing * closing - speed_sq * gap
     if root < 0.0:
         return inf
-    # The smaller root, written without the difference of two nearly equal numbers.
+    # The smaller root, written without a difference of nearly equal numbers.
     return gap / (sqrt(root) - closing)
 
 
 def inside_disc(rx: float, ry: float, dx: float, dy: float, radius: float) -> tuple[float, float] | None:
-    """Return between which parameters in [0, 1] a moving point is nearer to the origin than `radius`; None if never."""
+    """Return the parameters in [0, 1] between which a moving point is nearer to the origin than `radius`, or None."""
     speed_sq = dx * dx + dy * dy
     gap = rx * rx + ry * ry - radius * radius
     if speed_sq == 0.0:
@@ -119,12 +119,12 @@ def nearest_to_origin(rx: float, ry: float, dx: float, dy: float) -> float:
 def meet_box(x: float, y: float, dx: float, dy: float, box: BoxEdges, radius: float) -> float:
     """Return when a disc that moves along a chord meets a box; infinite if it does not.
 
-    A disc that touches or overlaps the box already has met it, at 0, if it moves towards it, and else has not.
+    A disc that already touches or overlaps the box meets it at 0 if it moves towards it, and not at all if not.
     """
     low_x, low_y, high_x, high_y = box
     if point_to_box(x, y, box) <= radius + 1e-12:
         return 0.0 if _moves_towards(x, y, dx, dy, box) else inf
-    # The box grown by the radius is the union of two rectangles and four discs: the first entered is met.
+    # The box grown by the radius is the union of two rectangles and four discs: take the first one entered.
     met = min(
         enter_rectangle(x, y, dx, dy, (low_x - radius, low_y, high_x + radius, high_y)),
         enter_rectangle(x, y, dx, dy, (low_x, low_y - radius, high_x, high_y + radius)),

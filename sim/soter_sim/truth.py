@@ -5,11 +5,11 @@ The rules, as `soter_sim.judge` applies them:
 - battery: the charge is 0 away from every charger.
 - geofence: the centre is more than 1e-6 m beyond an edge of the fence.
 - collision: two centres are nearer than the mission's separation, or two bodies overlap or are in contact.
-- obstacle: the body is nearer to a box than the mission's clearance; where that is 0, it reaches more than 1 mm into a
-  box. Or it is in contact with one.
+- obstacle: the body is nearer to a box than the mission's clearance, or, if that is 0, reaches more than 1 mm into a
+  box; or it is in contact with one.
 
-Contact begins when a body is stopped by what it moves against and ends when it is more than 2 mm away, 4 mm where that
-is another body. What the mission promises of distances and bodies comes as `soter.sdk.RuleLimits`.
+Contact begins when a body is stopped by what it moves against, and ends when it is more than 2 mm away, or 4 mm from
+another body. The mission's distances come as `soter.sdk.RuleLimits`.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from soter_sim.bodies import Bodies
 FENCE_TOLERANCE_M: Final = 1e-6
 PENETRATION_M: Final = 1e-3
 
-# The rigid body of the PyBullet engine tilts a little and has facets, so it presses on things when its disc is still
-# up to 1 mm away from them. Less than this would end a contact while it lasts.
+# The PyBullet engine's rigid body tilts slightly and has facets, so it presses on things while its disc is still up to
+# 1 mm away. Less than this would end a contact too early.
 TOUCH_M: Final = 2e-3
 
 
 @dataclass(slots=True)
 class Record:
-    """What the judge writes down.
+    """The judge's findings.
 
     Attributes:
         closed: violations that have ended.
-        open: by rule and robots, when a violation that goes on began.
+        open: by rule and robots, when a present violation began.
         min_margin: by rule, the least margin so far.
         box_contacts: how often a robot began to touch a box.
         robot_contacts: how often two robots began to touch.
@@ -48,11 +48,11 @@ class Record:
     robot_contacts: int = 0
 
     def begin(self, rule: str, robots: tuple[int, ...], at_s: float) -> None:
-        """A rule is broken from now on; no change if it was already."""
+        """Record that a rule is broken from now on; no change if it was already."""
         self.open.setdefault((rule, robots), at_s)
 
     def end(self, rule: str, robots: tuple[int, ...], at_s: float) -> None:
-        """A rule holds again; no change if it did already."""
+        """Record that a rule holds again; no change if it did already."""
         began_s = self.open.pop((rule, robots), None)
         if began_s is not None:
             self.closed.append(Violation(rule, robots, began_s, at_s))
@@ -62,7 +62,7 @@ class WorldTruth:
     """Ground truth of one world; implements `soter.sdk.Truth`.
 
     Args:
-        record: what the judge writes.
+        record: the judge's findings.
         bodies: the world's robots.
     """
 
@@ -72,7 +72,7 @@ class WorldTruth:
         self._index = {robot_id: index for index, robot_id in enumerate(bodies.ids)}
 
     def report(self) -> TruthReport:
-        """Return what has happened up to now; a violation that goes on has no end."""
+        """Return what has happened up to now; a present violation has no end."""
         record = self._record
         violations = [*record.closed]
         violations += [Violation(rule, robots, at_s, None) for (rule, robots), at_s in record.open.items()]
@@ -84,11 +84,11 @@ class WorldTruth:
 
     @property
     def robot_contacts(self) -> int:
-        """How many of the report's contacts were between two robots."""
+        """Number of the report's contacts that were between two robots."""
         return self._record.robot_contacts
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:
-        """Return where a robot is: x_m, y_m, heading_rad."""
+        """Return where a robot really is: x_m, y_m, heading_rad."""
         bodies = self._bodies
         index = self._index[robot_id]
         return bodies.x[index], bodies.y[index], bodies.heading[index]

@@ -1,6 +1,6 @@
-"""Tells what really happens in a world to all that connect: JSON lines over TCP, on this host only.
+"""Serves the ground truth of a world to all that connect: JSON lines over TCP, on this host only.
 
-One line, sent after every step that the world's owner chooses to tell:
+One line, sent after every step that the world's owner chooses to report:
 
 ```
 {"time_s": 12.5,
@@ -8,7 +8,7 @@ One line, sent after every step that the world's owner chooses to tell:
  "violations": [["geofence", [1], 3.2, 4.1]], "min_margin": {"geofence": -0.1}, "contacts": 0}
 ```
 
-`soter.sdk.truth.StreamedTruth` reads it. A violation that goes on has the end `null`. Times are the world's.
+`soter.sdk.truth.StreamedTruth` reads it. A present violation has the end `null`. Times are the world's.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from typing import Any, Final
 from soter_sim.world import World
 
 _LARGEST_BACKLOG: Final = 1 << 20
-"""Bytes that a reader may be behind before it is let go of: a world waits for nobody."""
+"""Bytes that a reader may fall behind before it is disconnected: a world does not wait."""
 
 
 class TruthServer:
-    """The truth of one world on a socket. Never blocks; used from the thread that moves the world.
+    """Serves the truth of one world on a socket. Never blocks; used from the thread that moves the world.
 
     Args:
-        world: which.
-        port: to listen on; 0 for any that is free.
+        world: the world.
+        port: port to listen on; 0 for any free one.
     """
 
     def __init__(self, world: World, port: int = 0) -> None:
@@ -39,12 +39,12 @@ class TruthServer:
 
     @property
     def address(self) -> str:
-        """Where it listens, as `host:port`."""
+        """The address that it listens on, `host:port`."""
         host, port = self._listener.getsockname()
         return f"{host}:{port}"
 
     def tell(self) -> None:
-        """Send what is true now to everybody who listens."""
+        """Send the present truth to all readers."""
         self._accept()
         if not self._readers:
             return

@@ -1,4 +1,4 @@
-"""Simulated robots whose bases are sent velocities: what they have in common, whatever carries the messages."""
+"""The common part of simulated robots whose bases are sent velocities, over any wire."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _ODOMETRY_STEPS: Final = 2
 _BATTERY_STEPS: Final = 30
 
 START_S: Final = 1000.0
-"""What the world's clock shows at first, so that nobody can take its time for the host's or for none."""
+"""Initial time of the world's clock, so that it cannot be mistaken for the host's time or for none."""
 
 COMMAND_S: Final = 0.2
-"""Motors stop so long after the last velocity, in the world's time."""
+"""Time after the last velocity at which motors stop, in the world's time."""
 
 
 class VelocityControlledBase(ABC):
-    """The base of one robot: its motors follow the last velocity, and stop when it is old.
+    """The base of one robot: its motors follow the last velocity, and stop when it is too old.
 
     Args:
-        world: where it lives.
+        world: the robot's world.
         robot_id: its number.
     """
 
@@ -38,18 +38,18 @@ class VelocityControlledBase(ABC):
         world.set_control(robot_id, self._control)
 
     def drive(self, forward_m_s: float, turn_rad_s: float) -> None:
-        """Take a velocity; one that is not finite is rest. From any thread."""
+        """Take a velocity, from any thread; one that is not finite means rest."""
         if not isfinite(forward_m_s + turn_rad_s):
             forward_m_s = turn_rad_s = 0.0
         self._asked = forward_m_s, turn_rad_s, self._world.now_s
 
     @abstractmethod
     def tell_odometry(self) -> None:
-        """Say where it is and how it moves."""
+        """Send its odometry."""
 
     @abstractmethod
     def tell_battery(self) -> None:
-        """Say its charge."""
+        """Send its charge."""
 
     def _control(self, now_s: float, *_state: float) -> tuple[float, float]:
         forward_m_s, turn_rad_s, asked_s = self._asked
@@ -57,17 +57,17 @@ class VelocityControlledBase(ABC):
 
 
 class VelocityControlledEndpoint(RealTimeWorld):
-    """A world in real time, and what its robots say of themselves.
+    """A world in real time, and its robots' bases.
 
     Args:
         workspace: fence, boxes, chargers.
         robots: its robots.
         limits: what the mission promises.
-        truth_port: where to tell the truth; 0 for any port that is free.
-        speedup: seconds of the world in one of the host.
+        truth_port: port that serves the truth; 0 for any free one.
+        speedup: seconds of the world per second of the host.
 
     Attributes:
-        bases: of the robots; to be filled in.
+        bases: the robots' bases, which a subclass sets.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class VelocityControlledEndpoint(RealTimeWorld):
 
     @property
     def clock_s(self) -> float:
-        """What the world's clock shows."""
+        """Time of the world's clock."""
         return START_S + self.world.now_s
 
     def _tell(self, before: int, steps: int) -> None:
@@ -97,4 +97,4 @@ class VelocityControlledEndpoint(RealTimeWorld):
 
     @abstractmethod
     def _tell_clock(self) -> None:
-        """Say what the world's clock shows."""
+        """Send the time of the world's clock."""

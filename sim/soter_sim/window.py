@@ -1,4 +1,4 @@
-"""The engine with physics in a window of the host's display, seen while it moves."""
+"""The engine with physics, shown in a window of the host's display."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from soter_sim.still import Scene
 _YAW_DEG: Final = 12.0
 _PITCH_DEG: Final = -52.0
 _AWAY: Final = 0.95
-"""How far away the camera is, for each metre that the workspace is wide."""
+"""Distance of the camera per metre of the workspace's width."""
 
 
 class WindowEngine(PyBulletEngine):
-    """A PyBullet engine that shows its world: the same motions, and slower. One at a time in a process.
+    """A PyBullet engine that shows its world, with the same motions, only slower. One at a time per process.
 
     Raises:
         BackendError: there is no display, PyBullet cannot use it, or the window was closed while the world moved.
@@ -33,7 +33,7 @@ class WindowEngine(PyBulletEngine):
             raise BackendError(f"the window of the world is closed ({failure})") from failure
 
     def close(self) -> None:
-        # A window that the user has closed has ended its world itself.
+        # Closing the window has already ended its world.
         with nothing_printed(), suppress(bullet.error):
             super().close()
 
@@ -47,7 +47,7 @@ class WindowEngine(PyBulletEngine):
                 raise BackendError(f"PyBullet cannot open a window: {failure}") from failure
 
     def _build(self, workspace: Workspace) -> frozenset[int]:
-        """Set up ground and boxes, draw what has no body, and look at all of it from the south and above."""
+        """Set up ground and boxes, draw what has no body, and set the camera to the south and above."""
         boxes, client = super()._build(workspace), self._client
         for part in (bullet.COV_ENABLE_GUI, bullet.COV_ENABLE_SHADOWS):
             bullet.configureDebugVisualizer(part, 0, physicsClientId=client)

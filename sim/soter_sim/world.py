@@ -44,25 +44,25 @@ _ROUNDING: Final = 1e-6
 
 
 class World:
-    """N differential-drive robots among boxes, on open ground without end.
+    """N differential-drive robots among boxes, on unbounded ground.
 
     Time begins at 0 and moves in whole control periods. Not thread-safe.
 
     Args:
-        workspace: fence, boxes and chargers; where its robots start does not matter here.
-        robots: which robots, where they start and with what charge.
-        engine: a name out of `ENGINES`, or what makes an engine.
-        limits: what the mission promises, which truth judges by.
+        workspace: fence, boxes and chargers; its robots' starts are not used.
+        robots: the robots, with their starts and charges.
+        engine: a name from `ENGINES`, or a function that makes an engine.
+        limits: what the mission promises, by which truth is judged.
 
     Attributes:
-        engine: the engine; read its `bodies`, leave running it to the world.
+        engine: the engine, which only the world runs.
         bodies: the robots' states, in the order of `robots`.
-        truth: what really happened.
+        truth: the ground truth.
         now_s: the world's time; it only changes in `advance`.
         period_s: the control period.
 
     Raises:
-        ValueError: no such engine, two robots with one id, or a start that is not finite.
+        ValueError: there is no such engine, two robots have one id, or a start is not finite.
         ImportError: the engine's library is not installed.
     """
 
@@ -97,7 +97,7 @@ class World:
         self.close()
 
     def index(self, robot_id: int) -> int:
-        """Return the place of a robot in the lists of `bodies`.
+        """Return the index of a robot in the lists of `bodies`.
 
         Raises:
             ValueError: there is no such robot.
@@ -107,12 +107,12 @@ class World:
         return self._index[robot_id]
 
     def set_control(self, robot_id: int, control: Control | None) -> None:
-        """Let `control` steer a robot from the next period on; None makes it stand still."""
+        """Set the control of a robot from the next period on; None makes it stand still."""
         index = self.index(robot_id)
         self.bodies.control[index] = self._controls[index] = control or stand_still
 
     def impair(self, robot_id: int, impairment: Impairment) -> None:
-        """Impair a robot's vehicle from the next period on; `Impairment()` makes it whole again.
+        """Impair a robot's vehicle from the next period on; `Impairment()` repairs it.
 
         It lasts until then, or until the robot gets another control.
 

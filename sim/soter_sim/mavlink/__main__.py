@@ -68,13 +68,13 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m soter_sim.mavlink", description=says)
     parser.add_argument("--udp", type=int, action="append", default=[], help="send to this port of this host")
     parser.add_argument("--tcp", type=int, action="append", default=[], help="listen on this port; 0 for any free one")
-    parser.add_argument("--truth", type=int, default=0, help="tell the truth on this port; 0 for any free one")
+    parser.add_argument("--truth", type=int, default=0, help="serve ground truth on this port; 0 for any free one")
     parser.add_argument("--vehicle", default="rover", help="rover or copter")
     parser.add_argument("--engine", default="kinematic", help="kinematic or pybullet")
     parser.add_argument("--rate", type=float, help="control periods in a second")
     parser.add_argument("--streams", type=float, help="messages of a kind in a second at most; else one a period")
     parser.add_argument("--plain", action="store_true", help="without what is added to ArduPilot: master, lease, yaw")
-    parser.add_argument("--like", help="with the flaws of a real one: ardurover or arducopter")
+    parser.add_argument("--like", help="with the flaws of a real autopilot: ardurover or arducopter")
     parser.add_argument("--speedup", type=float, default=1.0, help="simulated seconds by second, at most")
     parser.add_argument("--boot", type=float, default=2.0, help="simulated seconds until an autopilot is ready")
     parser.add_argument("--origin", metavar="LAT,LON,ALT", help="where on earth a workspace in metres has its origin")
@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _parent_lives(parent: int | None) -> Callable[[], bool]:
-    """Return what says whether a process is still the parent; it looks now and then only."""
+    """Return a function that says whether a process is still the parent; it only checks now and then."""
     steps = itertools.count(1)
     return lambda: parent is None or next(steps) % _LOOK_FOR_PARENT_STEPS != 0 or os.getppid() == parent
 

@@ -1,4 +1,4 @@
-"""One vehicle's autopilot: boot, modes, arming, and what it steers for. What is said on the wire is elsewhere."""
+"""One vehicle's autopilot: boot, modes, arming, and set-points. Its messages are in other modules."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Vehicle
 
 logger = logging.getLogger(__name__)
 
-# An autopilot that takes 42 s to get ready is heard after 2 s and has a GPS fix after 11 s.
+# An autopilot that takes 42 s to get ready first sends after 2 s, and has a GPS fix after 11 s.
 _HEARD: Final = 2.0 / 42.0
 _FIXED: Final = 11.0 / 42.0
 
@@ -39,28 +39,28 @@ class Autopilot:
 
     Args:
         robot_id: the vehicle's number, which is its system id.
-        kind: what it is.
-        vehicle: what it steers.
-        origin: of the world, on earth.
-        boot_s: from power-on until it is ready.
-        transmit: sends a message to everybody.
-        plain: without what this simulation adds to ArduPilot.
-        flaws: what it gets wrong, or None.
+        kind: the kind of vehicle.
+        vehicle: the vehicle that it steers.
+        origin: the world's geographic origin.
+        boot_s: time from power-on until it is ready.
+        transmit: broadcasts a message.
+        plain: without this simulation's additions to ArduPilot.
+        flaws: its flaws, or None.
 
     Attributes:
-        mode: what it does.
-        armed: its motors may turn.
-        parameters: as they are set; they outlive a reboot.
-        mission: what AUTO does; it outlives a reboot.
-        fence: where it may be; its items outlive a reboot.
-        guided: who may command it in GUIDED, and what they do.
+        mode: its flight mode.
+        armed: whether its motors may turn.
+        parameters: its parameters; they outlive a reboot.
+        mission: the mission for AUTO; it outlives a reboot.
+        fence: the fence that it holds; its items outlive a reboot.
+        guided: the authority and the target in GUIDED.
         home: where RTL goes to: metres east, north and up; None until it is armed or ready.
         booted_s: the world's time at which its clock began.
         now_s: its own time, since then.
         speed_m_s: the speed that DO_CHANGE_SPEED has set, or None.
-        backwards: a rover drives to places in GUIDED backwards (DO_SET_REVERSE), until its mode changes.
-        reckoning: what its EKF makes of places; where it boots it has its origin, in a world with places on earth.
-        route: what it is doing by itself, or None.
+        backwards: whether a rover drives to places in GUIDED backwards (DO_SET_REVERSE), until its mode changes.
+        reckoning: converts places to its EKF's frame, whose origin, on earth, is where it boots.
+        route: the route that it follows by itself, or None.
         failed: the fail-safe that has taken it over, or None.
     """
 
@@ -111,16 +111,16 @@ class Autopilot:
         self._idle_since_s = inf
         self._reboots = False
 
-    # --- what it knows --------------------------------------------------------------------------------------
+    # --- state ----------------------------------------------------------------------------------------------
 
     @property
     def heard(self) -> bool:
-        """Whether it has booted so far that it talks."""
+        """Whether it has booted far enough to send messages."""
         return self.now_s >= _HEARD * self._boot_s
 
     @property
     def fixed(self) -> bool:
-        """Whether it knows where it is, though not well."""
+        """Whether it has a position, though maybe a wrong one."""
         return self.now_s >= _FIXED * self._boot_s
 
     @property
@@ -130,7 +130,7 @@ class Autopilot:
 
     @property
     def boot_ms(self) -> int:
-        """Its time as messages carry it."""
+        """Its time in milliseconds, as in messages."""
         return round(1000.0 * self.now_s)
 
     @property
@@ -139,12 +139,12 @@ class Autopilot:
         return self.boot_ms if self._flaws is None else round(1000.0 * self._flaws.fix_s)
 
     def sample(self) -> Sample:
-        """Return what the sensors say."""
+        """Return the sensors' readings."""
         true = self._vehicle.sample()
         return true if self._flaws is None else self._flaws.estimated(true)
 
     def said(self) -> Sample:
-        """Return what the sensors say as it is said on the wire: from the EKF's origin, along its axes."""
+        """Return the sensors' readings for messages: from the EKF's origin, along its axes."""
         at, reckoning = self.sample(), self.reckoning
         x_m, y_m = reckoning.local_m(at.x_m, at.y_m)
         north_rad = reckoning.north_rad(at.x_m, at.y_m)
@@ -160,10 +160,10 @@ class Autopilot:
         sample = self.sample()
         return sample.z_m <= _ON_GROUND_M and abs(sample.up_m_s) <= _LAND_M_S
 
-    # --- what it is told ------------------------------------------------------------------------------------
+    # --- commands -------------------------------------------------------------------------------------------
 
     def say(self, severity: int, text: str) -> None:
-        """Say something to everybody; not again at once what was said last."""
+        """Broadcast a STATUSTEXT; do not repeat the last one at once."""
         if self._said == text and 0.0 <= self.now_s - self._said_s < _SAY_AGAIN_S:
             return
         self._said, self._said_s = text, self.now_s
@@ -175,7 +175,7 @@ class Autopilot:
             self._transmit(mav.MAVLink_statustext_message(severity, part.encode("ascii", "replace"), name, number))
 
     def set_mode(self, mode: Mode, reason: str) -> str | None:
-        """Change the mode; return why not, if that cannot be."""
+        """Change the mode; return the reason if it is refused."""
         if mode is self.mode:
             return None
         refusal = self._mode_refusal(mode)
@@ -185,7 +185,7 @@ class Autopilot:
         logger.info("robot %d: %s -> %s: %s", self.id, self.mode.value, mode.value, reason)
         self.mode = mode
         self.backwards = False
-        # What was under way is not taken up again when the mode comes back.
+        # A target is not resumed when the mode comes back.
         self.guided.halt()
         self.route = self._make_route(mode)
         return None
@@ -215,7 +215,7 @@ class Autopilot:
         return None
 
     def arm(self) -> str | None:
-        """Arm; return why not, if that cannot be."""
+        """Arm; return the reason if it is refused."""
         if self.armed:
             return None
         refusal = self._arm_refusal()
@@ -240,7 +240,7 @@ class Autopilot:
         return None if self._flaws is None else self._flaws.refuses_to_arm(self.now_s - self._boot_s)
 
     def disarm(self) -> str | None:
-        """Disarm; return why not, if that cannot be."""
+        """Disarm; return the reason if it is refused."""
         if self.armed:
             if self.kind.flies and not self.landed:
                 self.say(mav.MAV_SEVERITY_CRITICAL, "Disarm: flying")
@@ -252,16 +252,16 @@ class Autopilot:
         return None
 
     def reboot(self) -> str | None:
-        """Begin anew with the next control period, with the clock at 0; return why not, if that cannot be."""
+        """Reboot at the next control period, with the clock at 0; return the reason if it is refused."""
         if self.armed:
             self.say(mav.MAV_SEVERITY_WARNING, "Reboot: armed")
             return "armed"
-        # Not at once: what is asking still wants its answer.
+        # Not at once: the command still has to be acknowledged.
         self._reboots = True
         return None
 
     def set_speed(self, speed_m_s: float | None) -> None:
-        """Go at another speed from now on, as far as the vehicle can; None: as fast as the parameter says."""
+        """Set the speed from now on, up to the vehicle's limit; None for the parameter's."""
         self.speed_m_s = speed_m_s
         target = self.guided.target()
         if isinstance(target, Place):
@@ -269,13 +269,13 @@ class Autopilot:
 
     @property
     def cruise_m_s(self) -> float:
-        """How fast it goes where nobody says otherwise."""
+        """Its speed unless a target has another."""
         if self.speed_m_s is not None:
             return self.speed_m_s
         return self.parameters["WPNAV_SPEED"] / 100.0 if self.kind.flies else self.parameters["WP_SPEED"]
 
     def manners(self) -> Manners:
-        """Return how it does what it does by itself."""
+        """Return the settings of its routes."""
         parameters = self.parameters
         if not self.kind.flies:
             return Manners(self.cruise_m_s, parameters["WP_RADIUS"], 0.0, 0.0)
@@ -286,10 +286,10 @@ class Autopilot:
             parameters["RTL_ALT"] / 100.0,
         )
 
-    # --- what it does ---------------------------------------------------------------------------------------
+    # --- behaviour ------------------------------------------------------------------------------------------
 
     def tick(self, world_s: float) -> None:
-        """Look at how things are; called after each control period with the world's time."""
+        """Update itself; called after each control period with the world's time."""
         self._world_s = world_s
         if self._reboots:
             self._boot()
@@ -311,7 +311,7 @@ class Autopilot:
         if flaws.lost and not before:
             self.failed = _EKF
             self.say(mav.MAV_SEVERITY_CRITICAL, "EKF failsafe")
-            # It needs no position for that: the refusal of modes that do comes after.
+            # These modes need no position; set them before modes that do are refused.
             self.mode = Mode.LAND if self.kind.flies else self.kind.stop
             self.guided.halt()
             self.route = self._make_route(self.mode)

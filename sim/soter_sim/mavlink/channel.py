@@ -1,4 +1,4 @@
-"""One conversation over MAVLink 2: bytes to messages and back, signed or not, and what is sent unasked."""
+"""One channel of MAVLink 2: bytes to messages and back, signed or not, and the streams sent on it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SIGNING_PER_S: Final = 100_000
 
 
 class Source(NamedTuple):
-    """Who sent a message.
+    """The sender of a message.
 
     Attributes:
         system: its system id.
@@ -35,10 +35,10 @@ class Source(NamedTuple):
 
 
 class Streams:
-    """How often one vehicle sends which messages to one channel.
+    """The streams of one vehicle on one channel: which messages it sends, and how often.
 
     Args:
-        hz: messages and how many a second, at first.
+        hz: by message, how many a second are sent at first.
     """
 
     def __init__(self, hz: dict[int, float]) -> None:
@@ -46,7 +46,7 @@ class Streams:
         self._due_s: Final[dict[int, float]] = {}
 
     def set(self, message_id: int, period_s: float | None) -> None:
-        """Send a message once in `period_s` of vehicle time from now on; None: not at all."""
+        """Send a message every `period_s` of vehicle time from now on; None for never."""
         self._due_s.pop(message_id, None)
         if period_s is None:
             self.period_s.pop(message_id, None)
@@ -58,22 +58,22 @@ class Streams:
         for message_id, period_s in self.period_s.items():
             due_s = self._due_s.get(message_id, now_s)
             if due_s <= now_s + _ROUNDING_S:
-                # Kept in step, unless it is behind (a clock that was set, a period longer than was asked for).
+                # Keep its phase, unless it is behind (a clock that was set, a control period longer than the interval).
                 next_s = due_s + period_s
                 self._due_s[message_id] = next_s if next_s > now_s + _ROUNDING_S else now_s + period_s
                 yield message_id
 
 
 class Channel:
-    """A peer on the other side of a link, and the vehicles' conversation with it.
+    """A peer on the other side of a link, and the state of the connection with it.
 
     Args:
         write: takes a packet; must not block.
-        key: of 32 bytes: sign what is sent, and drop what is not signed with it.
-        datagrams: the bytes come in datagrams, each of whole packets; else as a stream.
+        key: key of 32 bytes that signs packets sent, and without whose signature received ones are dropped; or None.
+        datagrams: whether bytes come in datagrams of whole packets; else as a stream.
 
     Attributes:
-        streams: by vehicle, what is sent unasked.
+        streams: by vehicle, the messages that it sends unasked.
     """
 
     def __init__(self, write: Callable[[bytes], None], key: bytes | None, *, datagrams: bool) -> None:
@@ -90,12 +90,12 @@ class Channel:
         self.closed = False
 
     def parse(self, data: bytes) -> Iterator[tuple[Source, mav.MAVLink_message]]:
-        """Yield the messages in what was received; what is damaged, unknown or wrongly signed is dropped."""
+        """Yield the messages in received bytes; drop those that are damaged, unknown or wrongly signed."""
         parser = self._parser
         try:
             messages = parser.parse_buffer(data) or ()
         except Exception:
-            # What it could not read would be read again with what comes next.
+            # Otherwise the parser would read the same bytes again with the next ones.
             self._forget()
             logger.exception("dropped: %d bytes", len(data))
             return
@@ -109,7 +109,7 @@ class Channel:
             # Half a packet must not swallow the next datagram.
             self._forget()
         else:
-            # It keeps all that it has read until a message ends where a packet does, which need never be.
+            # The parser keeps all bytes until a message ends where a packet does, which may never happen.
             del parser.buf[: parser.buf_index]
             parser.buf_index = 0
 
@@ -118,7 +118,7 @@ class Channel:
         parser.buf, parser.buf_index, parser.expected_length = bytearray(), 0, _SHORTEST_FRAME
 
     def send(self, system_id: int, message: mav.MAVLink_message) -> None:
-        """Send a message in the name of a vehicle."""
+        """Send a message of a vehicle."""
         sender = self._senders.get(system_id)
         if sender is None:
             sender = self._senders[system_id] = mav.MAVLink(None, system_id, _COMPONENT)

@@ -1,4 +1,4 @@
-"""MAV_CMD_*: what a vehicle does when it is told to, and what it answers."""
+"""Carries out MAV_CMD_* commands, and returns their results."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ _ROUNDING_HZ: Final = 1e-6
 _REBOOT: Final = 1.0
 _REBOOT_BOOTLOADER: Final = 3.0
 _HIGHEST_M: Final = 1000.0
-# What MESSAGE_INTERVAL can say.
+# Largest interval in MESSAGE_INTERVAL.
 _INTERVAL_MOST_US: Final = 2.0**31 - 1.0
 
 
 class Command(NamedTuple):
-    """A command as it came.
+    """A received command.
 
     Attributes:
         number: its MAV_CMD.
-        by: who sent it.
-        channel: over which it came.
+        by: its sender.
+        channel: the channel that it came over.
         params: its first four parameters.
-        x: the fifth; of a COMMAND_INT, a latitude in 1e-7 degrees or whatever whole number the command has there.
-        y: the sixth, likewise.
-        z: the seventh.
-        frame: of a COMMAND_INT's place; None for a COMMAND_LONG.
+        x: the fifth parameter; in a COMMAND_INT a latitude in 1e-7 degrees, or the command's own whole number.
+        y: the sixth parameter; in a COMMAND_INT a longitude in 1e-7 degrees, or the command's own whole number.
+        z: the seventh parameter.
+        frame: frame of a COMMAND_INT's place; None for a COMMAND_LONG.
     """
 
     number: int
@@ -56,11 +56,11 @@ class Command(NamedTuple):
 
 
 Handler = Callable[[Autopilot, Command, float], int]
-"""Does a command and returns its MAV_RESULT; the last argument is how often a second a message may be sent at most."""
+"""Carries out a command and returns its MAV_RESULT; the last argument is the highest rate of a message, in Hz."""
 
 
 def carry_out(autopilot: Autopilot, command: Command, most_hz: float) -> int:
-    """Do a command, if the sender may ask for it, and return its MAV_RESULT."""
+    """Carry out a command if its sender may give it; return its MAV_RESULT."""
     handler = _HARMLESS.get(command.number)
     if handler is None:
         handler = _HANDLERS.get(command.number)
@@ -72,12 +72,12 @@ def carry_out(autopilot: Autopilot, command: Command, most_hz: float) -> int:
 
 
 def may_command(autopilot: Autopilot, by: Source, *, stops: bool = False) -> bool:
-    """Return whether a sender may ask for something that moves or changes the vehicle, and say so if it may not.
+    """Return whether a sender may give commands that move or change the vehicle; broadcast a warning if not.
 
     Args:
-        autopilot: of the vehicle.
-        by: who asks.
-        stops: it only stops the vehicle.
+        autopilot: the vehicle's autopilot.
+        by: the sender.
+        stops: whether the command only stops the vehicle.
     """
     if autopilot.guided.may_command(by, autopilot.now_s, stops=stops):
         return True
@@ -89,7 +89,7 @@ def may_command(autopilot: Autopilot, by: Source, *, stops: bool = False) -> boo
 
 
 def set_mode(autopilot: Autopilot, number: int, reason: str) -> int:
-    """Change the mode to the one of that number; return the MAV_RESULT."""
+    """Change to the mode with this number; return the MAV_RESULT."""
     mode = autopilot.kind.mode(number)
     if mode is None:
         autopilot.say(mav.MAV_SEVERITY_WARNING, f"No such mode {number}")
@@ -169,7 +169,7 @@ def _reposition(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
     ):
         return DENIED
     flies = autopilot.kind.flies
-    # NaN is "as it likes"; a rover takes no yaw at all.
+    # NaN means any yaw; a rover takes no yaw at all.
     north_rad = autopilot.reckoning.north_rad(x_m, y_m)
     heading_rad = turned_rad(yaw_rad - north_rad) if flies and isfinite(yaw_rad) else None
     speed_m_s = min(speed_m_s, autopilot.cruise_m_s) if speed_m_s > 0.0 else autopilot.cruise_m_s
@@ -192,7 +192,7 @@ def _take_off(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
 
 
 _SLOWEST_M_S: Final = 0.05
-"""Of ArduRover; told less it goes on as fast as before."""
+"""Least speed that ArduRover accepts; at less it keeps its speed."""
 
 
 def _change_speed(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
@@ -201,7 +201,7 @@ def _change_speed(autopilot: Autopilot, command: Command, _most_hz: float) -> in
         return DENIED
     if not autopilot.kind.flies and 0.0 < speed_m_s < _SLOWEST_M_S:
         return FAILED
-    # -1 is no change, -2 the usual speed.
+    # -1 means no change, -2 the default speed.
     if speed_m_s != -1.0:
         autopilot.set_speed(speed_m_s if speed_m_s > 0.0 else None)
     return ACCEPTED
@@ -290,7 +290,7 @@ def _send(autopilot: Autopilot, command: Command, number: float) -> int:
 
 
 def _stops(autopilot: Autopilot, command: Command) -> bool:
-    """Return whether a command only stops the vehicle, so that anybody may give it."""
+    """Return whether a command only stops the vehicle, so that any sender may give it."""
     number, params = command.number, command.params
     if number == mav.MAV_CMD_DO_SET_MODE:
         return any(params[1] == autopilot.kind.numbers[mode] for mode in autopilot.kind.stops)
@@ -303,7 +303,7 @@ _HARMLESS: Final[Mapping[int, Handler]] = {
     mav.MAV_CMD_REQUEST_MESSAGE: _request,
     mav.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: _send_one(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
     mav.MAV_CMD_GET_HOME_POSITION: _send_one(mav.MAVLINK_MSG_ID_HOME_POSITION),
-    # Has a rule of its own.
+    # This command has a rule of its own.
     mav.MAV_CMD_DO_GUIDED_MASTER: _guided_master,
 }
 _HANDLERS: Final[Mapping[int, Handler]] = {

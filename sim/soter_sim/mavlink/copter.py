@@ -12,22 +12,22 @@ from soter_sim.mavlink.frames import wrapped_rad
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
 
 TUBE_M: Final = 0.02
-"""A copter stays this near to the straight segment from where it began the leg to its target."""
+"""A copter stays within this distance of the straight segment from where it began the leg to its target."""
 
 _TURN_PER_S: Final = 2.0
-# Going this much sideways, it brakes before it goes on.
+# At more than this speed sideways, it brakes before it goes on.
 _SIDEWAYS_M_S: Final = 0.05
 
 
 class Copter:
     """Implements `soter_sim.mavlink.setpoint.Vehicle`.
 
-    It flies to places in straight lines over the ground: what it did before is braked first, unless that was nearly in
-    the same direction. Up and down it goes at the same time, by itself.
+    It flies to places in straight lines over the ground: it brakes first, unless it already moves in nearly the same
+    direction. Its vertical motion is independent, at the same time.
 
     Args:
-        engine: which moves it.
-        index: its place in the engine's lists.
+        engine: the engine that moves it.
+        index: its index in the engine's lists.
     """
 
     def __init__(self, engine: CopterEngine, index: int) -> None:
@@ -56,7 +56,7 @@ class Copter:
 
 
 def _fly_to(place: Place, flight: Flight, limits: DriveLimits, period_s: float) -> Wanted:
-    """Return what to steer for on the way to a place."""
+    """Return the command on the way to a place."""
     dx_m, dy_m, dz_m = place.x_m - flight.x_m, place.y_m - flight.y_m, place.z_m - flight.z_m
     distance_m = hypot(dx_m, dy_m)
     east_m_s = north_m_s = turn_rad_s = 0.0
@@ -74,6 +74,6 @@ def _fly_to(place: Place, flight: Flight, limits: DriveLimits, period_s: float) 
 
 
 def _approach_m_s(distance_m: float, most_m_s: float, brake_m_s2: float, period_s: float) -> float:
-    """Return the speed from which one more step and then braking ends at the place, and no more than that."""
+    """Return the highest speed from which one more step and then braking end at the place."""
     step_m_s = brake_m_s2 * period_s
     return min(sqrt(step_m_s * step_m_s + 2.0 * brake_m_s2 * distance_m) - step_m_s, most_m_s)

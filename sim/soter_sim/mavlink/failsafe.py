@@ -1,4 +1,4 @@
-"""Fail-safes of the vehicle itself: no ground station, an empty battery, outside of its fence.
+"""The vehicle's own fail-safes: no ground station, low battery, outside its fence.
 
 They are off unless they are set, as on ArduPilot.
 """
@@ -18,7 +18,7 @@ _STATION: Final = "GCS"
 _BATTERY: Final = "Battery"
 
 _LEVELS: Final = (("BATT_LOW_MAH", "BATT_FS_LOW_ACT"), ("BATT_CRT_MAH", "BATT_FS_CRT_ACT"))
-# By whether it flies, the modes for each number of an action but 0, which is none. They are ArduPilot's, and differ.
+# By whether the vehicle flies, the modes for each action number except 0, which is none; as in ArduPilot.
 _ACTIONS: Final = {
     False: {1: [Mode.RTL, Mode.HOLD], 2: [Mode.HOLD]},
     True: {1: [Mode.LAND], 2: [Mode.RTL, Mode.LAND]},
@@ -30,10 +30,12 @@ _ACTIONS_OF_FENCE: Final = {
 
 
 class Failsafe:
-    """Takes a vehicle over when nobody looks after it, or its battery gets low. It never gives it back: others do.
+    """Takes a vehicle over when its ground station is silent, its battery low, or its fence breached.
+
+    It never gives the vehicle back: others have to.
 
     Args:
-        autopilot: whose.
+        autopilot: the vehicle's autopilot.
     """
 
     def __init__(self, autopilot: Autopilot) -> None:
@@ -43,17 +45,17 @@ class Failsafe:
         self._battery_level = 0
 
     def heard(self, by: Source) -> None:
-        """A heartbeat has come."""
+        """Note a heartbeat."""
         if by.system == self._autopilot.parameters["SYSID_MYGCS"]:
             self._heard_s = self._autopilot.now_s
 
     def look(self) -> None:
-        """Look at how things are; called once in each period."""
+        """Check all fail-safes; called once in each period."""
         autopilot = self._autopilot
         if autopilot.booted_s != self._booted_s:
             self._booted_s, self._heard_s, self._battery_level = autopilot.booted_s, None, 0
         if not autopilot.armed:
-            # The next flight begins with a clean slate.
+            # Reset for the next flight.
             autopilot.failed, self._battery_level = None, 0
             return
         self._look_at_station()
@@ -62,7 +64,7 @@ class Failsafe:
 
     def _look_at_station(self) -> None:
         autopilot, parameters = self._autopilot, self._autopilot.parameters
-        # Who was never heard is not missed.
+        # A ground station that was never heard is not missed.
         if not parameters["FS_GCS_ENABLE"] or self._heard_s is None:
             return
         gone = autopilot.now_s - self._heard_s > parameters["FS_GCS_TIMEOUT"]
@@ -103,7 +105,7 @@ class Failsafe:
         autopilot = self._autopilot
         autopilot.failed = name
         autopilot.say(mav.MAV_SEVERITY_WARNING, f"{name} Failsafe")
-        # A mode that cannot be is followed by the next one.
+        # If a mode is refused, try the next one.
         for mode in modes:
             if autopilot.set_mode(mode, f"{name} fail-safe") is None:
                 return

@@ -1,4 +1,4 @@
-"""The fence that a vehicle holds: where it may be, whoever commands it. Polygons and circles, as on ArduPilot."""
+"""The fence that a vehicle holds, whoever commands it: polygons and circles, as in ArduPilot."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _CIRCLES: Final = {
 _CORNERS_LEAST: Final = 3
 
 AREAS: Final = 4
-"""The bit of FENCE_TYPE that stands for polygons and circles."""
+"""The bit of FENCE_TYPE for polygons and circles."""
 
 FENCE: Final = "Fence"
-"""The fail-safe that has taken over a vehicle which has left its fence."""
+"""Name of the fail-safe that takes over a vehicle outside its fence."""
 
 
 class Fence:
-    """The items, and what they mean.
+    """A fence's items.
 
     Attributes:
-        items: as they came.
-        enabled: whether it is looked at.
+        items: the items as received.
+        enabled: whether the fence is checked.
     """
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class Fence:
 
     @staticmethod
     def fault(items: Sequence[Item]) -> int | None:
-        """Return why a vehicle does not take them, as a MAV_MISSION_RESULT, or None."""
+        """Return why a vehicle refuses items, as a MAV_MISSION_RESULT; None if it does not."""
         seq = 0
         while seq < len(items):
             item, first = items[seq], items[seq].params[0]
@@ -62,7 +62,7 @@ class Fence:
         return None
 
     def left(self, x_m: float, y_m: float, origin: Origin) -> bool:
-        """Return whether a place is outside of an area to stay in, or inside of one to stay out of."""
+        """Return whether a place is outside an inclusion area, or inside an exclusion area."""
         seq = 0
         while seq < len(self.items):
             item = self.items[seq]

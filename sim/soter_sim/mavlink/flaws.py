@@ -1,7 +1,7 @@
-"""What real ArduPilots do worse than the simulated ones: `--like ardurover` and `--like arducopter`.
+"""Flaws of real ArduPilots that the simulated ones lack: `--like ardurover` and `--like arducopter`.
 
-All of it was seen of an ArduPilot in its own simulator, with its usual parameters. Nothing is drawn: the same time
-gives the same error.
+All were observed on an ArduPilot in its own simulator, with default parameters. Nothing is random: equal times give
+equal errors.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from soter_sim.mavlink.frames import wrapped_rad
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
 
 LIKE: Final[dict[str, Literal["rover", "copter"]]] = {"ardurover": "rover", "arducopter": "copter"}
-"""By what they are like, which vehicles they are."""
+"""By value of `--like`, the kind of vehicle."""
 
 _ROAMS_M_S: Final = 0.027
 _PERIOD_S: Final = 24.0
@@ -32,23 +32,24 @@ _SWAY_M_PER_M_S: Final = 0.04
 
 
 class Flaws:
-    """What one autopilot gets wrong.
+    """The flaws of one autopilot.
 
-    - **Estimate.** At rest the EKF shows 0.027 m/s in a direction that goes round, and its position goes round, too.
-    - **GPS.** Without it (SIM_GPS_DISABLE) the position drifts off, by 0.7 m in 7 s. Only then does the EKF say so, and
+    - **Estimate.** At rest the EKF shows 0.027 m/s in a rotating direction, and its position rotates, too.
+    - **GPS.** Without GPS (SIM_GPS_DISABLE) the position drifts, by 0.7 m in 7 s. Only then does the EKF report it, and
       the vehicle holds.
-    - **Masks.** A rover takes a velocity of nothing without a yaw rate for the heading north, and pivots to it.
-    - **Places.** A rover comes near to one at a speed that falls with what is left, so that it never gets fast on its
-      way to a near one, and has a long tail.
-    - **Rolling on.** A rover comes to rest a little beyond a place. If that is sent again, it turns round to get back.
-    - **Arming** is refused for a while after the EKF has got ready.
-    - **Wind** (SIM_WIND_SPD, in m/s) comes in gusts and sways a copter: by up to 0.3 m in one of 5 m/s.
+    - **Masks.** A rover takes a zero velocity without a yaw rate as the heading north, and pivots to it.
+    - **Places.** A rover approaches a place at a speed that falls with the remaining distance, so that it never gets
+      fast on the way to a near place, and creeps at the end.
+    - **Rolling on.** A rover comes to rest slightly beyond a place. If the place is sent again, it turns round to get
+      back.
+    - **Arming** is refused for a while after the EKF has become ready.
+    - **Wind** (SIM_WIND_SPD, in m/s) comes in gusts and sways a copter: by up to 0.3 m at 5 m/s.
 
     Args:
-        flies: it is a copter.
+        flies: whether it is a copter.
 
     Attributes:
-        lost: the EKF has noticed that there is no GPS.
+        lost: whether the EKF has noticed that there is no GPS.
         fix_s: the vehicle's time of the last fix.
     """
 
@@ -60,14 +61,14 @@ class Flaws:
         self.fix_s = 0.0
 
     def look(self, now_s: float, *, has_gps: bool) -> None:
-        """Take note of the time, and of whether there is a GPS; called in each period."""
+        """Update the time, and whether there is GPS; called in each period."""
         self._now_s = now_s
         if has_gps or now_s < self.fix_s:
             self.fix_s = now_s
         self.lost = now_s - self.fix_s > _NOTICES_S
 
     def estimated(self, true: Sample) -> Sample:
-        """Return what the EKF makes of how things are."""
+        """Return the EKF's estimate of a true state."""
         angle_rad = 2.0 * pi * self._now_s / _PERIOD_S
         round_m = _ROAMS_M_S * _PERIOD_S / (2.0 * pi)
         drift_m = 0.5 * _DRIFTS_M_S2 * (self._now_s - self.fix_s) ** 2
@@ -79,7 +80,7 @@ class Flaws:
         )
 
     def steered(self, wanted: Setpoint, at: Sample, wind_m_s: float) -> Setpoint:
-        """Return what the vehicle makes of what is wanted of it in such a wind."""
+        """Return the set-point that the vehicle actually steers for, with its flaws and the wind."""
         if self._flies:
             return self._swayed(wanted, _SWAY_M_PER_M_S * wind_m_s)
         if isinstance(wanted, Place):
@@ -116,5 +117,5 @@ class Flaws:
         return wanted
 
     def refuses_to_arm(self, ready_for_s: float) -> str | None:
-        """Return why it does not arm yet."""
+        """Return why it refuses to arm; None if it does not."""
         return None if ready_for_s >= _SETTLES_S else "PreArm: Need Position Estimate"

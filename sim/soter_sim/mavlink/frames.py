@@ -1,8 +1,8 @@
-"""Frames: the world is east, north, up from a corner of the workspace; on the wire it is north, east, down or degrees.
+"""Frames: the world is east, north, up from a corner of the workspace; messages have north, east, down or degrees.
 
-In a world in metres the origin of the EKF is the origin of the workspace, so that both differ by their axes only. On
-earth, metres are those of the ellipsoid. Each EKF has its origin where its vehicle has booted, and metres of the sphere
-that ArduPilot takes the earth for; its north is the true one, where the vehicle is.
+In a world in metres the EKF's origin is the workspace's, so that both differ in their axes only. In a world with
+geographic positions, metres are those of the ellipsoid. There each EKF has its origin where its vehicle has booted,
+metres of ArduPilot's sphere, and true north at the vehicle's place.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from soter.geometry.earth import Projection
 from soter.geometry.site import GeoOrigin
 
 _M_PER_E7_DEG: Final = 0.011131884502145034
-"""Metres along a meridian by 1e-7 degrees, on the sphere that ArduPilot takes the earth for."""
+"""Metres along a meridian per 1e-7 degrees, on ArduPilot's sphere."""
 
 
 class Origin(NamedTuple):
-    """Where on earth the workspace has its origin.
+    """The geographic position of the workspace's origin.
 
     Attributes:
         lat_deg: degrees north.
@@ -36,7 +36,7 @@ class Origin(NamedTuple):
         """Read an origin from "LATITUDE,LONGITUDE,ALTITUDE", in degrees and metres.
 
         Raises:
-            ValueError: it is none, or nearer to a pole than any map of right angles can be.
+            ValueError: the text is no origin, or is too near to a pole for a flat map.
         """
         try:
             origin = Origin(*map(float, text.split(",")))
@@ -60,24 +60,24 @@ class Origin(NamedTuple):
     def local_m(self, lat_e7: float, lon_e7: float) -> tuple[float, float]:
         """Return metres east and north, in the workspace, of a place given in 1e-7 degrees."""
         return (
-            # The shorter way round the earth.
+            # Take the shorter way round the earth.
             remainder(lon_e7 - self.lon_deg * 1e7, 3.6e9) * _M_PER_E7_DEG * cos(radians(self.lat_deg)),
             (lat_e7 - self.lat_deg * 1e7) * _M_PER_E7_DEG,
         )
 
     def reckoning(self, x_m: float, y_m: float) -> Reckoning:
-        """Return what the EKF of a vehicle that boots at a place in the workspace makes of places."""
+        """Return the reckoning of the EKF of a vehicle that boots at a place in the workspace."""
         return Reckoning(self)
 
 
 class Globe(Origin):
-    """Where on earth a world has its origin whose metres are those of the ellipsoid."""
+    """The geographic origin of a world whose metres are those of the ellipsoid."""
 
     __slots__ = ()
 
     @property
     def projection(self) -> Projection:
-        """From the ellipsoid to the world."""
+        """Projection from the ellipsoid to the world."""
         return _projection(self.lat_deg, self.lon_deg)
 
     def geodetic_e7(self, x_m: float, y_m: float) -> tuple[int, int]:
@@ -97,7 +97,7 @@ def _projection(lat_deg: float, lon_deg: float) -> Projection:
 
 
 class Reckoning:
-    """What an EKF makes of places in a world in metres: it has the world's origin, and its axes.
+    """Converts places to the frame of an EKF; in a world in metres, the EKF has the world's origin and axes.
 
     Attributes:
         origin_e7: latitude and longitude of the EKF's origin, in 1e-7 degrees.
@@ -107,25 +107,25 @@ class Reckoning:
         self.origin_e7 = origin.geodetic_e7(0.0, 0.0)
 
     def local_m(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return metres east and north of the EKF's origin of a place in the world."""
+        """Return a place in the world as metres east and north of the EKF's origin."""
         return x_m, y_m
 
     def world_m(self, east_m: float, north_m: float) -> tuple[float, float]:
-        """Return the place in the world of metres east and north of the EKF's origin."""
+        """Return the place in the world that is given as metres east and north of the EKF's origin."""
         return east_m, north_m
 
     def north_rad(self, x_m: float, y_m: float) -> float:
-        """Return how far its north is turned from the world's, counter-clockwise, at a place in the world."""
+        """Return the angle from the world's north to the EKF's, counter-clockwise, at a place in the world."""
         return 0.0
 
 
 class GlobeReckoning(Reckoning):
-    """What an EKF makes of places in a world on earth.
+    """Converts places to the frame of an EKF in a world with geographic positions.
 
     Args:
-        globe: where the world has its origin.
-        x_m: where in the world the EKF has its own.
-        y_m: the same.
+        globe: the world's geographic origin.
+        x_m: the EKF's origin in the world, east.
+        y_m: the EKF's origin in the world, north.
     """
 
     def __init__(self, globe: Globe, x_m: float, y_m: float) -> None:
@@ -147,7 +147,7 @@ class GlobeReckoning(Reckoning):
     def north_rad(self, x_m: float, y_m: float) -> float:
         projection = self._globe.projection
         lat_deg, lon_deg = projection.place(x_m, y_m)
-        # Ten metres to the north, and to the south.
+        # About ten metres north and south of the place.
         x_1, y_1 = projection.point(lat_deg + 1e-4, lon_deg)
         x_0, y_0 = projection.point(lat_deg - 1e-4, lon_deg)
         return atan2(x_0 - x_1, y_1 - y_0)

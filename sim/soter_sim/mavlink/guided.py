@@ -1,7 +1,7 @@
-"""Who may say where to go in GUIDED, and for how long: the vehicle's own side of authority and dead man.
+"""Authority and lease in GUIDED: which sender's targets a vehicle obeys, and for how long.
 
-Until somebody names a master (MAV_CMD_DO_GUIDED_MASTER) it is as on any autopilot: everybody may. Who names one becomes
-the keeper. The package's docstring has the rules.
+Until a sender names a master (MAV_CMD_DO_GUIDED_MASTER), all senders' targets are obeyed, as on any autopilot. The
+sender that names one becomes the keeper. The package's docstring has the rules.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from soter_sim.mavlink.channel import Source
 from soter_sim.mavlink.setpoint import Place, Setpoint, Velocity
 
 VELOCITY_S: Final = 3.0
-"""A velocity that is not sent again for this long ends; a place does not."""
+"""Time after which a velocity that is not sent again ends; a place does not."""
 
-# Numbers of packets go round: from half a round on, one counts as older.
+# Packet numbers wrap around: one that is half a round or more ahead counts as older.
 _OVERTAKEN: Final = 128
-# No packet is on its way for longer; who begins to count anew is heard again after this.
+# Longest delay of a packet; a sender that restarts its numbers is heard again after this.
 _OVERTAKING_S: Final = 5.0
 
 NOBODY: Final = Source(0, 0)
-"""In the place of a master: there is none, everybody may command."""
+"""In place of a master: there is none, and every sender may command."""
 
 
 class Guided:
     """The target of a vehicle in GUIDED. Times are the vehicle's own, in seconds.
 
     Attributes:
-        keeper: who named the master, and alone renews the lease; None if nobody has.
-        subordinates: whom a keeper has named, other than itself: these may send targets and nothing else.
+        keeper: the sender that named the master, and alone renews the lease; None without one.
+        subordinates: components that a keeper other than itself has named: they may only send targets.
     """
 
     def __init__(self) -> None:
@@ -43,24 +43,24 @@ class Guided:
 
     @property
     def master(self) -> Source:
-        """Whose targets are obeyed; `NOBODY`: everybody's."""
+        """The component whose targets are obeyed; `NOBODY` if all are."""
         return self._mux.in_charge
 
     def alive(self, now_s: float) -> bool:
-        """Return whether the lease lives; without a keeper there is none that could end."""
+        """Return whether the lease lives; always, without a keeper."""
         return self._mux.alive(now_s)
 
     def may_keep(self, by: Source, now_s: float) -> bool:
-        """Return whether a sender may name the master: nobody else does, as long as a lease lives."""
+        """Return whether a sender may name the master: while a lease lives, only the keeper may."""
         return by not in self.subordinates and (self.keeper in (None, by) or not self.alive(now_s))
 
     def may_command(self, by: Source, now_s: float, *, stops: bool) -> bool:
-        """Return whether a sender may ask for what moves or changes the vehicle, other than by a target.
+        """Return whether a sender may move or change the vehicle other than by a target.
 
         Args:
-            by: who asks.
+            by: the sender.
             now_s: the vehicle's time.
-            stops: it only stops the vehicle, which everybody may that is not a subordinate.
+            stops: whether the command only stops the vehicle, which every sender but a subordinate may do.
         """
         if by in self.subordinates:
             return False
@@ -71,16 +71,16 @@ class Guided:
         return self.keeper is None or by == self.master
 
     def name(self, by: Source, master: Source, lease_s: float, since_s: float) -> bool:
-        """Put a master in charge, or renew its lease; a change drops the target.
+        """Name a master, or renew its lease; a change drops the target.
 
         Args:
-            by: who asks; `may_keep` must be true of it.
-            master: whose targets are to be obeyed; `NOBODY` gives the vehicle back to everybody, without a target.
-            lease_s: what the lease lasts.
-            since_s: since when.
+            by: the sender, for which `may_keep` must be true.
+            master: the component whose targets are to be obeyed; `NOBODY` for all, which also drops the target.
+            lease_s: duration of the lease.
+            since_s: time from which it lasts.
 
         Returns:
-            False if it was overtaken by a later one of the same keeper: then nothing has changed.
+            False if a later command of the same keeper has overtaken this one: then nothing has changed.
         """
         if self.keeper == by and since_s < self._renewed_s:
             return False
@@ -104,14 +104,13 @@ class Guided:
     def give(self, by: Source, target: Place | Velocity, now_s: float, seq: int) -> bool:
         """Take a target; return False, and change nothing, if it is not to be obeyed.
 
-        It is not if it comes from somebody who is not in charge, or, with a keeper, was overtaken on the way by a later
-        one of the master.
+        That is so if its sender is not the master, or, with a keeper, if a later target of the master has overtaken it.
 
         Args:
-            by: who sends it.
-            target: what it is.
+            by: the sender.
+            target: the target.
             now_s: the vehicle's time.
-            seq: the number of its packet, from 0 to 255 and round again.
+            seq: the number of its packet, from 0 to 255, wrapping around.
         """
         if not self.may_go(by):
             return False
@@ -125,12 +124,12 @@ class Guided:
         return True
 
     def put(self, target: Place | Velocity, now_s: float) -> None:
-        """Take a target from whoever may command the vehicle, such as the height of a take-off."""
+        """Take a target of a command that was allowed already, such as the height of a take-off."""
         self._mux.command_s = VELOCITY_S if isinstance(target, Velocity) else inf
         self._mux.give(self.master, target, now_s)
 
     def halt(self) -> None:
-        """Drop the target; who is in charge stays so."""
+        """Drop the target; the master stays."""
         self._mux.halt()
 
     def target(self) -> Setpoint:
@@ -138,12 +137,12 @@ class Guided:
         return self._mux.command
 
     def setpoint(self, now_s: float) -> Setpoint:
-        """Return what to steer for now."""
+        """Return the target that moves the vehicle now, if any."""
         return self._mux.passing(now_s)
 
     def _open(self) -> None:
         self._mux = Mux(NOBODY, inf)
         self._renewed_s = -inf
         self._taken = None
-        # Without a keeper the lease has no end, and begins with the clock.
+        # Without a keeper the lease is endless, and begins with the clock.
         self._mux.renew(0.0)

@@ -1,4 +1,4 @@
-"""The kinds of vehicle: their modes, with ArduPilot's numbers, and what sets them apart."""
+"""The kinds of vehicle: their modes, with ArduPilot's numbers, and their other differences."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 
 class Mode(Enum):
-    """What an autopilot is doing."""
+    """A flight mode."""
 
     MANUAL = "MANUAL"
     STABILIZE = "STABILIZE"
@@ -29,15 +29,15 @@ class Kind:
     """A kind of vehicle.
 
     Attributes:
-        name: as the command line has it.
-        mav_type: for HEARTBEAT.
-        flies: it takes off and lands; else it stays on the ground.
-        numbers: its modes' numbers on the wire.
+        name: its name on the command line.
+        mav_type: its type in HEARTBEAT.
+        flies: whether it takes off and lands; else it stays on the ground.
+        numbers: its modes' numbers in messages.
         first: the mode after power-on.
         stop: the mode in which it stands, or hovers.
-        stops: the modes that anybody may choose at any time, because they stop it.
+        stops: the modes that every sender may set at any time, because they stop it.
         armable: the modes in which it may be armed.
-        streams_hz: what it sends unasked, and how often.
+        streams_hz: the messages that it sends unasked, and how often.
     """
 
     name: str
@@ -79,7 +79,7 @@ ROVER: Final = Kind(
     armable=frozenset({Mode.MANUAL, Mode.HOLD, Mode.AUTO, Mode.GUIDED}),
     streams_hz={mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0} | dict.fromkeys(_UNASKED, 1.0),
 )
-"""A ground robot; nobody moves its sticks, so that it stands in MANUAL."""
+"""A ground robot; without a pilot it stands in MANUAL."""
 
 COPTER: Final = Kind(
     name="copter",
@@ -94,6 +94,6 @@ COPTER: Final = Kind(
     armable=frozenset({Mode.STABILIZE, Mode.LOITER, Mode.GUIDED}),
     streams_hz={mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0},
 )  # fmt: skip
-"""A multicopter; nobody moves its sticks, so that it hovers in STABILIZE and LOITER, or stays on the ground."""
+"""A multicopter; without a pilot it hovers in STABILIZE and LOITER, or stays on the ground."""
 
 KINDS: Final = {kind.name: kind for kind in (ROVER, COPTER)}

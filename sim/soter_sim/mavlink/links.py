@@ -1,4 +1,4 @@
-"""What vehicles are reached over: UDP towards a ground station, or a TCP server. On this host only."""
+"""Links to the vehicles: UDP towards a ground station, or a TCP server. On this host only."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ _LARGEST: Final = 65536
 _AT_ONCE: Final = 256
 
 Hear = Callable[[Channel, Source, mav.MAVLink_message], None]
-"""Takes a message that was received."""
+"""Takes a received message."""
 
 
 class Link(Protocol):
-    """Something that has channels."""
+    """A link: an address and its channels."""
 
     @property
     def address(self) -> str:
-        """What a ground station uses, as pymavlink writes it."""
+        """The address for a ground station, in pymavlink's form."""
 
     @property
     def channels(self) -> Iterable[Channel]:
-        """The peers that are there."""
+        """The channels of the present peers."""
 
     def close(self) -> None:
         """Close the sockets."""
@@ -41,10 +41,10 @@ class UdpLink:
     """Sends to a port of this host on which a ground station listens, as ArduPilot's simulator does.
 
     Args:
-        selector: calls what it is registered with when there is something to read.
+        selector: calls registered callbacks when there is something to read.
         hear: takes the messages.
-        port: the ground station's.
-        key: for signing, or None.
+        port: the ground station's port.
+        key: key for signing, or None.
     """
 
     def __init__(self, selector: selectors.BaseSelector, hear: Hear, port: int, key: bytes | None) -> None:
@@ -70,14 +70,14 @@ class UdpLink:
 
     def _read(self, _events: int) -> None:
         (channel,) = self.channels
-        # So many at a time, that a flood cannot keep the world from going on.
+        # At most this many at a time, so that a flood cannot stop the world.
         for _ in range(_AT_ONCE):
             try:
                 data, peer = self._socket.recvfrom(_LARGEST)
             except BlockingIOError:
                 return
             except OSError as failure:
-                # What was sent to a port that nobody listens on comes back as an error.
+                # A packet to a port without a listener comes back as an error.
                 logger.debug("not received: %s", failure)
                 continue
             if peer == self._peer:
@@ -89,10 +89,10 @@ class TcpLink:
     """Listens on a port of this host for any number of ground stations.
 
     Args:
-        selector: calls what it is registered with when there is something to read or room to write.
+        selector: calls registered callbacks when there is something to read or room to write.
         hear: takes the messages.
-        port: to listen on; 0 for any that is free.
-        key: for signing, or None.
+        port: port to listen on; 0 for any free one.
+        key: key for signing, or None.
 
     Raises:
         OSError: the port is taken.

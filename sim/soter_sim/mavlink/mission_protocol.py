@@ -35,11 +35,11 @@ class _Upload:
 
 
 class MissionProtocol:
-    """One vehicle's side of it. An upload that fails, or is given up, leaves what the vehicle holds as it was.
+    """One vehicle's side of the mission protocol. An upload that fails, or is given up, changes nothing.
 
     Args:
-        autopilot: whose mission and fence these are.
-        transmit: sends a message to everybody.
+        autopilot: holds the mission and the fence.
+        transmit: broadcasts a message.
     """
 
     def __init__(self, autopilot: Autopilot, transmit: Callable[[Message], None]) -> None:
@@ -70,7 +70,7 @@ class MissionProtocol:
         self._take(channel, by, message, message.x, message.y)
 
     def item_float(self, channel: Channel, by: Source, message: Message) -> None:
-        """Take MISSION_ITEM, which has degrees where the other has whole numbers."""
+        """Take MISSION_ITEM, which has degrees as floats instead of whole numbers."""
         for degrees, fault in (
             (message.x, mav.MAV_MISSION_INVALID_PARAM5_X),
             (message.y, mav.MAV_MISSION_INVALID_PARAM6_Y),
@@ -94,7 +94,7 @@ class MissionProtocol:
         if message.seq == len(upload.items):
             params = (message.param1, message.param2, message.param3, message.param4)
             item = Item(message.frame, message.command, params, x, y, message.z, message.autocontinue)
-            # The first of a mission is home, which the vehicle knows better; a fence is looked at as a whole.
+            # A mission's first item is home, which is ignored; a fence is checked as a whole.
             looked_at = upload.kind == _MISSION and message.seq
             fault = item.fault(self._autopilot.kind, self._autopilot.origin) if looked_at else None
             if fault is not None:
@@ -128,7 +128,7 @@ class MissionProtocol:
             self._autopilot.mission.replace(items[1:])
 
     def look_after(self) -> None:
-        """Ask again for an item that does not come, or give up; called once in each period."""
+        """Request a missing item again, or give up; called once in each period."""
         upload, now_s = self._upload, self._autopilot.now_s
         if upload is None:
             return
@@ -141,7 +141,7 @@ class MissionProtocol:
     # --- download -------------------------------------------------------------------------------------------
 
     def request_list(self, channel: Channel, by: Source, message: Message) -> None:
-        """Take MISSION_REQUEST_LIST: say how many items there are, home included."""
+        """Take MISSION_REQUEST_LIST: send the number of items, home included."""
         kind = message.mission_type
         channel.send(self._autopilot.id, mav.MAVLink_mission_count_message(*by, len(self._held(kind)), kind))
 
@@ -156,7 +156,7 @@ class MissionProtocol:
     def _send_asked_for(
         self, channel: Channel, by: Source, message: Message, build: Callable[..., Message], unit: float | None = None
     ) -> None:
-        """Send the item that is asked for; its place as whole numbers, or in a unit of so many of them."""
+        """Send the requested item; its place in 1e-7 degrees, or in a unit of this many of them."""
         item = self._asked_for(channel, by, message)
         if item is not None:
             x, y = (item.x, item.y) if unit is None else (item.x / unit, item.y / unit)
@@ -177,7 +177,7 @@ class MissionProtocol:
         return held[int(message.seq)]
 
     def _held(self, kind: int) -> Sequence[Item]:
-        """Return what the vehicle holds of a kind, as it is numbered on the wire: a mission begins with home."""
+        """Return the vehicle's items of a kind, numbered as in messages: a mission begins with home."""
         autopilot = self._autopilot
         if kind == _FENCE:
             return autopilot.fence.items
@@ -208,7 +208,7 @@ class MissionProtocol:
         self._acknowledge(channel, by, result, message.mission_type)
 
     def set_current(self, _channel: Channel, by: Source, message: Message) -> None:
-        """Take MISSION_SET_CURRENT: everybody is told the current item, which is the old one if that cannot be."""
+        """Take MISSION_SET_CURRENT: broadcast the current item, which is the old one if the request is refused."""
         if may_command(self._autopilot, by) and not self._autopilot.mission.go_to(message.seq):
             self._autopilot.say(mav.MAV_SEVERITY_WARNING, f"Refused: no mission item {message.seq}")
 

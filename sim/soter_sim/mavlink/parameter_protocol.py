@@ -19,11 +19,11 @@ _BY_NAME: Final = -1
 
 
 class ParameterProtocol:
-    """One vehicle's side of it.
+    """One vehicle's side of the parameter protocol.
 
     Args:
-        autopilot: whose parameters they are.
-        transmit: sends a message to everybody.
+        autopilot: holds the parameters.
+        transmit: broadcasts a message.
     """
 
     def __init__(self, autopilot: Autopilot, transmit: Callable[[Message], None]) -> None:
@@ -32,12 +32,12 @@ class ParameterProtocol:
         self._wanted: deque[tuple[Channel, int]] = deque()
 
     def request_list(self, channel: Channel, _by: Source, _message: Message) -> None:
-        """Take PARAM_REQUEST_LIST: send all, a few in each period, so that nothing is lost on the way."""
+        """Take PARAM_REQUEST_LIST: send all parameters, a few in each period, so that none is lost."""
         self._wanted = deque(each for each in self._wanted if each[0] is not channel)
         self._wanted.extend((channel, index) for index in range(len(self._autopilot.parameters.names)))
 
     def request_read(self, channel: Channel, _by: Source, message: Message) -> None:
-        """Take PARAM_REQUEST_READ; what there is not is not answered."""
+        """Take PARAM_REQUEST_READ; an unknown parameter is not answered."""
         names = self._autopilot.parameters.names
         if message.param_index == _BY_NAME:
             if message.param_id in names:
@@ -46,19 +46,19 @@ class ParameterProtocol:
             channel.send(self._autopilot.id, self._value(message.param_index))
 
     def set(self, _channel: Channel, by: Source, message: Message) -> None:
-        """Take PARAM_SET: everybody is told the value, which is the old one if the new one is not allowed."""
+        """Take PARAM_SET: broadcast the value, which is the old one if the new one is not allowed."""
         autopilot, name, value = self._autopilot, message.param_id, message.param_value
         if name not in autopilot.parameters.names:
             return
         if may_command(autopilot, by):
-            # A float of 32 bits; what was meant has fewer digits.
+            # The value is a 32-bit float; round it to the digits that were meant.
             refusal = autopilot.parameters.set(name, float(f"{value:.7g}") if isfinite(value) else value)
             if refusal is not None:
                 autopilot.say(mav.MAV_SEVERITY_WARNING, f"Refused: {refusal}")
         self._transmit(self._value(autopilot.parameters.names.index(name)))
 
     def send_due(self) -> None:
-        """Go on with a list that was asked for; called once in each period."""
+        """Go on sending a requested list; called once in each period."""
         for _ in range(min(_LISTED_PER_PERIOD, len(self._wanted))):
             channel, index = self._wanted.popleft()
             if not channel.closed:

@@ -1,4 +1,4 @@
-"""The parameters of a vehicle: ArduPilot's names where it has them, `SOTER_` where this simulation adds something."""
+"""The parameters of a vehicle: ArduPilot's, and those with the prefix `SOTER_` that this simulation adds."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class Parameter:
     """One parameter.
 
     Attributes:
-        value: at first.
-        least: the least that is allowed.
-        most: the most that is allowed.
-        whole: only whole numbers are allowed.
+        value: initial value.
+        least: least value that is allowed.
+        most: largest value that is allowed.
+        whole: whether only whole numbers are allowed.
     """
 
     value: float
@@ -29,7 +29,7 @@ class Parameter:
 
     @property
     def mav_type(self) -> int:
-        """Its type on the wire."""
+        """Its type in messages."""
         return int(mav.MAV_PARAM_TYPE_INT32 if self.whole else mav.MAV_PARAM_TYPE_REAL32)
 
 
@@ -76,15 +76,15 @@ class Parameters:
     """A vehicle's parameters; they outlive a reboot.
 
     Args:
-        kind: which ones there are.
+        kind: the kind of vehicle, which decides which parameters there are.
         robot_id: the vehicle's number.
-        v_max_m_s: how fast it can go.
+        v_max_m_s: top speed of the vehicle.
         plain: without those that this simulation adds to ArduPilot's.
-        flawed: with those by which ArduPilot's own simulator breaks it.
+        flawed: with those of ArduPilot's own simulator that inject failures.
     """
 
     def __init__(self, kind: Kind, robot_id: int, v_max_m_s: float, *, plain: bool, flawed: bool = False) -> None:
-        # Rovers cruise as fast as they can.
+        # Rovers cruise at top speed.
         speed = (
             {"WPNAV_SPEED": Parameter(100.0 * min(v_max_m_s, _CRUISE_M_S), 1.0, 100.0 * v_max_m_s)}
             if kind.flies
@@ -101,7 +101,7 @@ class Parameters:
         return self._values[name]
 
     def set(self, name: str, value: float) -> str | None:
-        """Set a parameter; return why not, if that is not allowed, and change nothing."""
+        """Set a parameter; if the value is not allowed, change nothing and return why."""
         known = self.known[name]
         # Written so that NaN fails too.
         if not known.least <= value <= known.most:

@@ -1,4 +1,4 @@
-"""What a vehicle does by itself: land, go home, and a mission, item after item."""
+"""Routes that a vehicle follows by itself: landing, going home, and missions."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ _AT_HEIGHT_M: Final = 0.1
 
 
 class Route(Protocol):
-    """Something that a vehicle does by itself.
+    """A route that a vehicle follows by itself.
 
     Attributes:
-        lands: it is on its way down, and its motors go off once it is there.
+        lands: whether it is landing; its motors are switched off once it has landed.
     """
 
     lands: bool
 
     def setpoint(self, sample: Sample, now_s: float) -> Setpoint:
-        """Return what to steer for now; called once in each control period."""
+        """Return the present set-point; called once in each control period."""
 
 
 @dataclass(frozen=True, slots=True)
 class Manners:
-    """How a vehicle does what it does by itself.
+    """Settings of the routes of a vehicle.
 
     Attributes:
-        speed_m_s: how fast it goes.
-        radius_m: how near is there.
-        land_m_s: how fast it comes down.
-        rtl_m: how high it goes before it goes home.
+        speed_m_s: cruising speed.
+        radius_m: distance at which it has arrived.
+        land_m_s: speed of descent when landing.
+        rtl_m: height to which it climbs before it goes home.
     """
 
     speed_m_s: float
@@ -48,7 +48,7 @@ class Manners:
 
 
 class Landing:
-    """Come down where it is."""
+    """Lands where the vehicle is."""
 
     def __init__(self, manners: Manners) -> None:
         self.lands = True
@@ -59,7 +59,7 @@ class Landing:
 
 
 class Homing:
-    """Go home in a straight line: a rover on the ground, a copter high up, and then down."""
+    """Goes home in a straight line: a rover on the ground, a copter at a height, and then lands."""
 
     def __init__(self, kind: Kind, home: tuple[float, float, float], sample: Sample, manners: Manners) -> None:
         self.lands = False
@@ -87,16 +87,16 @@ class Homing:
 
 
 class Touring:
-    """Do a mission.
+    """Executes a mission.
 
     Args:
-        kind: of the vehicle.
-        mission: its items; `current` moves on as they are done.
-        origin: of the EKF.
-        home: where it goes when an item says so.
-        manners: asked whenever an item begins.
+        kind: kind of the vehicle.
+        mission: the mission, whose `current` advances as items are done.
+        origin: the EKF's origin.
+        home: home, for items that go there.
+        manners: called whenever an item begins; returns the settings.
         reached: called with the number of an item that is done.
-        set_speed: called with the speed that an item asks for, or None for the usual one.
+        set_speed: called with the speed that an item sets, or None for the default.
     """
 
     def __init__(
@@ -119,12 +119,12 @@ class Touring:
         self._since_s: float | None = None
 
     def setpoint(self, sample: Sample, now_s: float) -> Setpoint:
-        # Items that only change something take no time, so that several may be done at once.
+        # Items that only change a setting take no time, so several may be done at once.
         for _ in range(len(self._mission.items) + 1):
             item = self._mission.item(max(self._mission.current, 1))
             if item is None:
                 self.done = True
-                # The last place may not be quite reached; of a mission that was taken away, nothing is left to do.
+                # Keep to the last place, which may not be quite reached; a mission that was cleared has none.
                 return self._place if self._mission.items else None
             self.done = False
             if item is not self._doing:
@@ -138,7 +138,7 @@ class Touring:
         return self._place
 
     def landed(self) -> None:
-        """It has landed, as the item said."""
+        """Note that the vehicle has landed, as an item asked."""
         if self._doing is not None and self._doing.command == mav.MAV_CMD_NAV_LAND:
             self._next()
 
@@ -153,7 +153,7 @@ class Touring:
         self._doing, self._since_s, self._route, self.lands = item, None, None, False
         self._mission.current = max(self._mission.current, 1)
         before = self._place
-        # What names no place is done on the way to the last one, or where the vehicle is.
+        # An item without a place is executed at the last place, or where the vehicle is.
         x_m, y_m, z_m = (sample.x_m, sample.y_m, sample.z_m) if before is None else (before.x_m, before.y_m, before.z_m)
         if item.command == mav.MAV_CMD_NAV_TAKEOFF:
             z_m = item.place(self._origin)[2]

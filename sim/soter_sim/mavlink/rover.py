@@ -22,8 +22,8 @@ class Rover:
     It drives to places as `soter.onboard.drive` does: pivot, drive straight, stop.
 
     Args:
-        world: where it is.
-        robot_id: which it is.
+        world: the robot's world.
+        robot_id: its number.
     """
 
     def __init__(self, world: World, robot_id: int) -> None:
@@ -58,7 +58,7 @@ class Rover:
 
 
 def _keep(wanted: Velocity, heading_rad: float) -> tuple[float, float]:
-    """Return the speed and the turn rate that keep a velocity: turn towards it first, then go."""
+    """Return the speed and the turn rate that keep a velocity: turn towards it first, then drive."""
     speed_m_s = hypot(wanted.east_m_s, wanted.north_m_s)
     if wanted.yaw_rate_rad_s is not None:
         along_m_s = wanted.east_m_s * cos(heading_rad) + wanted.north_m_s * sin(heading_rad)

@@ -1,4 +1,4 @@
-"""What an autopilot steers its vehicle for, and what it knows of it. East, north, up; radians counter-clockwise."""
+"""Set-points and samples of an autopilot's vehicle. East, north, up; radians counter-clockwise."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _NEAR_M: Final = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """A place to go to; a `soter.onboard.drive.Target`. Compared by identity, because each is one order to go there.
+    """A place to go to; a `soter.onboard.drive.Target`. Compared by identity, because each is one command to go there.
 
     Attributes:
         x_m: east.
         y_m: north.
-        z_m: up from the ground; of no meaning to a rover.
+        z_m: up from the ground; ignored by a rover.
         heading_rad: the heading to arrive with, or None.
         speed_m_s: a cap on the speed, or None.
     """
@@ -29,7 +29,7 @@ class Place:
     speed_m_s: float | None = None
 
     def backwards_from(self, at: Sample) -> Place:
-        """Return the same place with the heading that a rover has which backs to it; at it, with the one it has."""
+        """Return the same place with the heading of a rover that backs to it, or its present heading if it is there."""
         dx_m, dy_m = at.x_m - self.x_m, at.y_m - self.y_m
         near = hypot(dx_m, dy_m) < _NEAR_M
         return replace(self, heading_rad=at.heading_rad if near else atan2(dy_m, dx_m))
@@ -42,8 +42,8 @@ class Velocity:
     Attributes:
         east_m_s: east.
         north_m_s: north.
-        up_m_s: up; of no meaning to a rover.
-        yaw_rate_rad_s: turn at this rate, or None: a rover turns to where it is to go, a copter does not turn.
+        up_m_s: up; ignored by a rover.
+        yaw_rate_rad_s: turn rate, or None: then a rover turns to its direction, and a copter does not turn.
     """
 
     east_m_s: float
@@ -53,11 +53,11 @@ class Velocity:
 
 
 Setpoint = Place | Velocity | None
-"""None is: stop, and stay."""
+"""None means stop, and stay."""
 
 
 class Sample(NamedTuple):
-    """What a vehicle's sensors say.
+    """A vehicle's sensor readings.
 
     Attributes:
         x_m: east.
@@ -83,14 +83,14 @@ class Sample(NamedTuple):
 
 
 class Vehicle(Protocol):
-    """One robot of a world, as its autopilot sees it."""
+    """The interface of an autopilot to its robot."""
 
     @property
     def v_max_m_s(self) -> float:
-        """How fast it can go."""
+        """Its top speed."""
 
     def sample(self) -> Sample:
-        """Return how it is, at the end of the last control period."""
+        """Return its state at the end of the last control period."""
 
     def steer(self, setpoint: Callable[[float], Setpoint]) -> None:
-        """Ask `setpoint`, with the world's time, once in each control period, and steer for what it says."""
+        """Call `setpoint`, with the world's time, once in each control period, and steer for what it returns."""

@@ -9,7 +9,7 @@ from soter.errors import ConfigError
 
 
 def read_key(path: Path) -> bytes:
-    """Return the key that a passphrase stands for: its SHA-256, as ground stations make it.
+    """Return the key of a passphrase: its SHA-256, as in ground stations.
 
     Args:
         path: a file with the passphrase in its first line.

@@ -35,33 +35,34 @@ from soter_sim.world import ENGINES, World
 logger = logging.getLogger(__name__)
 
 _SYSTEM_MOST: Final = 254
-# Of its own time, a world makes up for as much as a busy host can hold it up now and then, and loses what is more.
+# Most of its own time that a world makes up for after a delay of the host; it loses the rest.
 _BEHIND_S: Final = 0.25
 _RATE_HZ: Final = 40.0
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How a simulation is set up.
+    """Settings of a simulation.
 
     Attributes:
         vehicle: "rover" or "copter".
         engine: "kinematic" or "pybullet"; copters have the kinematic one only.
         udp: ports of this host on which ground stations listen.
-        tcp: ports to listen on; 0 for any that is free.
-        truth: the port of the truth; 0 for any that is free.
-        rate_hz: control periods in a second; None: 40, and 20 with PyBullet, which has no other.
-        streams_hz: how often in a second a message of one kind may be sent at most; None: once a control period.
-        plain: without what this simulation adds to ArduPilot: master, lease, yaw and speed of a place.
-        like: a real autopilot with whose flaws it comes, see `soter_sim.mavlink.flaws`; plain as well. None for none.
-        speedup: simulated seconds by second, at most.
+        tcp: ports to listen on; 0 for any free one.
+        truth: port that serves the truth; 0 for any free one.
+        rate_hz: control periods per second; None for 40, or for PyBullet's 20, its only rate.
+        streams_hz: highest rate of a message; None for once a control period.
+        plain: without this simulation's additions to ArduPilot: master, lease, yaw and speed of a place.
+        like: the real autopilot whose flaws it has, see `soter_sim.mavlink.flaws`; also implies `plain`. None for no
+            flaws.
+        speedup: simulated seconds per second, at most.
         boot_s: simulated time from power-on until an autopilot is ready.
-        key: for signing, of 32 bytes, or None.
-        origin: of a workspace in metres, on earth; of one with places on earth its height above the sea.
-        limits: what the mission promises, which the truth is judged by.
+        key: key of 32 bytes for signing, or None.
+        origin: geographic origin of a workspace in metres; of one with geographic positions, only its height counts.
+        limits: what the mission promises, by which the truth is judged.
 
     Raises:
-        ValueError: one of them is not allowed; the message names it.
+        ValueError: a setting is not allowed; the message names it.
     """
 
     vehicle: Literal["rover", "copter"] = "rover"
@@ -112,23 +113,23 @@ class Settings:
 
 
 class Simulation:
-    """Robots of a world, each with an autopilot, on links.
+    """The robots of a world, each with an autopilot, on links.
 
-    Not thread-safe: one thread runs it. `stop` alone may be called from another, or from a signal handler.
+    Not thread-safe: one thread runs it. Only `stop` may be called from another thread, or from a signal handler.
 
     Args:
         workspace: fence, boxes and chargers.
-        robots: which robots there are; their ids are their system ids.
-        settings: how it is set up.
+        robots: the robots; their ids are their system ids.
+        settings: the settings.
 
     Attributes:
         world: the world.
         autopilots: one for each robot.
-        links: what they are reached over.
-        truth: what tells what really happens.
+        links: the links to them.
+        truth: serves the ground truth.
 
     Raises:
-        ValueError: a robot cannot be put there, its id is no system id, or two origins are given.
+        ValueError: a robot's start is not allowed, its id is no system id, or two origins are given.
         ImportError: the engine's library is not installed.
         OSError: a port is taken.
     """
@@ -167,14 +168,14 @@ class Simulation:
         self.close()
 
     def clock_s(self) -> float:
-        """Return the world's time between two control periods, as far as it has come by the host's clock."""
+        """Return the world's time, interpolated between two control periods by the host's clock."""
         passed_s = (time.perf_counter() - self._stepped_at_s) * self._settings.speedup
         return self.world.now_s + min(max(passed_s, 0.0), self.world.period_s)
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
-        """Keep pace with the host's clock until `stop` is called, or `alive`, asked in every step, says no.
+        """Keep pace with the host's clock until `stop` is called, or `alive`, called in every step, returns False.
 
-        What a busy host delays is made up for, up to a quarter of a simulated second; a host that lags for longer
+        Delays of a busy host are made up for, up to a quarter of a simulated second; a host that lags for longer
         slows the world down.
         """
         speedup = self._settings.speedup
@@ -186,7 +187,7 @@ class Simulation:
             due_s = max(due_s + period_s, time.perf_counter() - behind_s)
 
     def step(self) -> None:
-        """Hear what has come, run one control period, and say what is due."""
+        """Take received messages, run one control period, and send what is due."""
         self._listen(-inf)
         world = self.world
         world.advance(world.now_s + world.period_s)
@@ -196,11 +197,11 @@ class Simulation:
         self.truth.tell()
 
     def stop(self) -> None:
-        """End `run` after the step that it is in."""
+        """End `run` after its present step."""
         self._stopped = True
 
     def close(self) -> None:
-        """Close every socket, and free what the world holds."""
+        """Close every socket, and free the world."""
         self._stack.close()
 
     def _man(self, robot_id: int, kind: Kind) -> Station:
@@ -225,7 +226,7 @@ class Simulation:
         stack.callback(link.close)
 
     def _listen(self, until_s: float) -> None:
-        """Hear what has come, and what comes until the host's time `until_s`."""
+        """Take messages until the host's time `until_s`."""
         while True:
             left_s = until_s - time.perf_counter()
             for key, events in self._selector.select(max(left_s, 0.0)):

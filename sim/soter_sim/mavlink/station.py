@@ -1,4 +1,4 @@
-"""One vehicle on the wire: takes every message that is for it, and sends what is due."""
+"""One vehicle's messages: takes those that are for it, and sends those that are due."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from soter_sim.mavlink.telemetry import BUILDERS, GROUPS, Message
 
 _EVERYBODY: Final = 0
 
-# Of MAVLink FTP: a refusal, its reason, and how long every packet is.
+# MAVLink FTP: opcode and reason of a refusal, and the length of every packet.
 _REFUSED: Final = 129
 _NO_SUCH_OPERATION: Final = 7
 _FILE_PAYLOAD: Final = 251
 
 
 class Station:
-    """What an autopilot hears and says.
+    """Receives and sends the messages of an autopilot.
 
     Args:
-        autopilot: whose messages these are.
-        channels: lists all channels there are.
+        autopilot: the autopilot.
+        channels: returns all channels.
         transmit: sends a message to all of them.
-        most_hz: how often a second a message may be sent at most.
-        clock_s: the world's time, between control periods too.
+        most_hz: highest rate of a message.
+        clock_s: returns the world's time, also between control periods.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Station:
         }
 
     def hear(self, channel: Channel, by: Source, message: Message) -> None:
-        """Take a message; those for others, or of no meaning here, are passed over."""
+        """Take a message; ignore those for others, and unknown ones."""
         handler = self._handlers.get(message.get_type())
         if handler is None or not self.autopilot.heard:
             return
@@ -90,11 +90,11 @@ class Station:
             handler(channel, by, message)
 
     def tick(self, world_s: float) -> None:
-        """Look at how things are, and send what is due, to whom it is due; called after each control period."""
+        """Update the autopilot, and send the messages that are due; called after each control period."""
         autopilot = self.autopilot
         autopilot.tick(world_s)
         if autopilot.booted_s != self._booted_s:
-            # What was asked for before a reboot is forgotten.
+            # A reboot forgets all requests.
             self._booted_s = autopilot.booted_s
             self._announced.clear()
             for channel in self._channels():
@@ -112,7 +112,7 @@ class Station:
         self._parameters.send_due()
 
     def _announce(self) -> None:
-        """Tell everybody what has changed of what they must not be late to know."""
+        """Broadcast changes that must not be known late."""
         autopilot = self.autopilot
         guided = autopilot.guided
         for message_id, value in (
@@ -147,7 +147,7 @@ class Station:
     def _carry_out(self, command: Command) -> None:
         result = carry_out(self.autopilot, command, self._most_hz)
         self._acknowledge(command.channel, command.by, command.number, result)
-        # After the acknowledgement, as autopilots do it.
+        # After the acknowledgement, as in autopilots.
         self._announce()
 
     def _acknowledge(self, channel: Channel, to: Source, number: int, result: int) -> None:
@@ -174,7 +174,7 @@ class Station:
         self, by: Source, message: Message, read: Callable[[Autopilot, Message], Place | Velocity]
     ) -> None:
         autopilot = self.autopilot
-        # As on any autopilot, what comes at the wrong time is not answered.
+        # As on any autopilot, a target at the wrong time is not answered.
         if autopilot.mode is not Mode.GUIDED or not autopilot.armed or (autopilot.kind.flies and autopilot.landed):
             return
         try:
@@ -196,7 +196,7 @@ class Station:
             streams.set(message_id, 1.0 / hz if hz > 0.0 else None)
 
     def _refuse_file(self, channel: Channel, by: Source, message: Message) -> None:
-        """Say that there are no files, so that who asks for some does not wait for them."""
+        """Refuse a request for files, so that its sender does not wait for them."""
         seq, session, operation = struct.unpack_from("<HBB", bytes(message.payload))
         refusal = struct.pack(
             "<HBBBBBxIB", (seq + 1) % 65536, session, _REFUSED, 1, operation, 0, 0, _NO_SUCH_OPERATION

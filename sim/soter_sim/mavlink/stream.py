@@ -1,4 +1,4 @@
-"""TCP connections that never block: what does not fit is not sent, and the world goes on."""
+"""TCP connections that never block: data that do not fit are dropped, and the world goes on."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Connection:
         self._socket = accepted
         self._pending = bytearray()
         accepted.setblocking(False)
-        # A reader that is slow shall not have much to catch up with.
+        # A small buffer, so that a slow reader does not fall far behind.
         accepted.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFERED)
         accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         server.selector.register(accepted, selectors.EVENT_READ, self._ready)
@@ -81,14 +81,14 @@ class Server:
     """Listens on a port of this host.
 
     Args:
-        selector: calls what it is registered with when there is something to read or room to write.
-        port: to listen on; 0 for any that is free.
+        selector: calls registered callbacks when there is something to read or room to write.
+        port: port to listen on; 0 for any free one.
         opened: called with a new connection.
-        received: called with a connection and what came over it.
+        received: called with a connection and the data received.
         gone: called with a connection that has ended.
 
     Attributes:
-        port: on which it listens.
+        port: the port that it listens on.
 
     Raises:
         OSError: the port is taken.
@@ -119,12 +119,12 @@ class Server:
         selector.register(self._socket, selectors.EVENT_READ, self._accept)
 
     def gone(self, connection: Connection) -> None:
-        """A connection has ended."""
+        """Forget a connection that has ended."""
         self._connections.remove(connection)
         self._gone(connection)
 
     def close(self) -> None:
-        """Close every connection, and listen no more."""
+        """Close every connection, and stop listening."""
         for connection in [*self._connections]:
             connection.close()
         self.selector.unregister(self._socket)

@@ -1,4 +1,4 @@
-"""SET_POSITION_TARGET_*: from the wire's frames and masks to a place or a velocity."""
+"""Converts SET_POSITION_TARGET_*, with its frames and masks, to a place or a velocity."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _VELOCITY: Final = 0x0038
 _YAW: Final = 0x0400
 _YAW_RATE: Final = 0x0800
 
-# Further than any place on earth, faster than any vehicle.
+# Farther than any place on earth, faster than any vehicle.
 _ABSURD: Final = 1e8
 
 _RELATIVE_TO_BODY: Final = (mav.MAV_FRAME_BODY_NED, mav.MAV_FRAME_BODY_OFFSET_NED)
@@ -27,11 +27,11 @@ _ABOVE_HOME: Final = (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, mav.MAV_FRAME_GLOBAL_RE
 
 
 class NotATarget(ValueError):
-    """The message asks for nothing that the vehicle could do; it says why."""
+    """A message is no target that the vehicle can take; the error says why."""
 
 
 def local_target(autopilot: Autopilot, message: mav.MAVLink_message) -> Place | Velocity:
-    """Return what SET_POSITION_TARGET_LOCAL_NED asks for.
+    """Return the target in SET_POSITION_TARGET_LOCAL_NED.
 
     Raises:
         NotATarget: a number is not finite, or the frame or the mask is not supported.
@@ -56,7 +56,7 @@ def local_target(autopilot: Autopilot, message: mav.MAVLink_message) -> Place | 
 
 
 def global_target(autopilot: Autopilot, message: mav.MAVLink_message) -> Place | Velocity:
-    """Return what SET_POSITION_TARGET_GLOBAL_INT asks for.
+    """Return the target in SET_POSITION_TARGET_GLOBAL_INT.
 
     Raises:
         NotATarget: a number is not finite, or the frame or the mask is not supported.

@@ -1,4 +1,4 @@
-"""What a vehicle says of itself: one function for each message."""
+"""The telemetry of a vehicle: one function for each message."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from soter_sim.mavlink.setpoint import Place, Velocity
 
 Message = mav.MAVLink_message
 Build = Callable[[Autopilot], Message | None]
-"""Makes a message; None while the vehicle does not know."""
+"""Makes a message; None while the vehicle does not know its content."""
 
 EKF_READY: Final = 831
 EKF_NOT_READY: Final = 167
@@ -144,7 +144,7 @@ def sys_status(autopilot: Autopilot) -> Message:
     sensors = _SENSORS
     if autopilot.fence.enabled:
         sensors |= mav.MAV_SYS_STATUS_GEOFENCE
-    # A fence that is not there is not breached either; ground stations look.
+    # Without a fence, none is breached: ground stations check this bit.
     healthy = _SENSORS if autopilot.failed == FENCE else _SENSORS | mav.MAV_SYS_STATUS_GEOFENCE
     if not autopilot.ready:
         healthy &= ~(mav.MAV_SYS_STATUS_AHRS | mav.MAV_SYS_STATUS_PREARM_CHECK)
@@ -155,7 +155,7 @@ def sys_status(autopilot: Autopilot) -> Message:
 
 
 def battery_status(autopilot: Autopilot) -> Message:
-    """Return BATTERY_STATUS; what is consumed is finer than the percentage, and falls while it charges."""
+    """Return BATTERY_STATUS; the charge consumed is finer than the percentage, and falls while charging."""
     charge = autopilot.sample().charge
     capacity_mah = autopilot.parameters["BATT_CAPACITY"]
     return mav.MAVLink_battery_status_message(
@@ -209,7 +209,7 @@ def extended_sys_state(autopilot: Autopilot) -> Message:
 
 
 def system_time(autopilot: Autopilot) -> Message:
-    """Return SYSTEM_TIME; what day it is, it does not know."""
+    """Return SYSTEM_TIME; the date is unknown."""
     return mav.MAVLink_system_time_message(0, autopilot.boot_ms)
 
 
@@ -262,7 +262,7 @@ def position_target_local_ned(autopilot: Autopilot) -> Message | None:
 
 
 def position_target_global_int(autopilot: Autopilot) -> Message | None:
-    """Return POSITION_TARGET_GLOBAL_INT: the place that it goes to in GUIDED; a velocity is none."""
+    """Return POSITION_TARGET_GLOBAL_INT: the place that it goes to in GUIDED; None for a velocity."""
     target = autopilot.guided.target()
     if not isinstance(target, Place):
         return None
@@ -275,7 +275,7 @@ def position_target_global_int(autopilot: Autopilot) -> Message | None:
 
 
 def guided_master(autopilot: Autopilot) -> Message | None:
-    """Return NAMED_VALUE_INT `GMASTER`: 256 x system + component of who is in charge, negative with a dead lease."""
+    """Return NAMED_VALUE_INT `GMASTER`: 256 x system + component of the master, negative if the lease is dead."""
     if autopilot.plain:
         return None
     guided = autopilot.guided
@@ -306,7 +306,7 @@ BUILDERS: Final[Mapping[int, Build]] = {
     mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: position_target_global_int,
     mav.MAVLINK_MSG_ID_NAMED_VALUE_INT: guided_master,
 }
-"""What can be asked for."""
+"""By message id, the function that makes the message."""
 
 
 _POSITION_GROUP: Final = (mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
@@ -331,11 +331,11 @@ GROUPS: Final[Mapping[int, tuple[int, ...]]] = {
     mav.MAV_DATA_STREAM_EXTRA2: _HUD_GROUP,
     mav.MAV_DATA_STREAM_EXTRA3: _OTHERS_GROUP,
 }
-"""What the groups of REQUEST_DATA_STREAM stand for, which older ground stations use."""
+"""The messages in the groups of REQUEST_DATA_STREAM, which older ground stations use."""
 
 
 def _height_m(autopilot: Autopilot) -> float:
-    """Return how far down it believes to be from the origin."""
+    """Return its estimated height below the origin."""
     return -autopilot.sample().z_m - (0.0 if autopilot.ready else _UNSETTLED_M)
 
 

@@ -1,11 +1,11 @@
 """The world as ROS 2 robots: `python -m soter_sim.ros2`, which `soter sim ros2` and the backend `ros2` start.
 
-Each robot has a namespace and in it what the base of a real one has: `odom` (nav_msgs/Odometry, 30 Hz),
-`battery_state` (sensor_msgs/BatteryState, 2 Hz) and `cmd_vel` (geometry_msgs/Twist, or TwistStamped), on which it
-stops 0.2 s after the last message. `/clock` shows the world's time at 60 Hz. Nothing of SOTER is in it: who may drive
-is decided by the mux in front of `cmd_vel`, which is started beside it, one process for each robot.
+Each robot has a namespace with the topics of a real base: `odom` (nav_msgs/Odometry, 30 Hz), `battery_state`
+(sensor_msgs/BatteryState, 2 Hz) and `cmd_vel` (geometry_msgs/Twist, or TwistStamped); it stops 0.2 s after the last
+velocity. `/clock` shows the world's time at 60 Hz. SOTER is not part of it: the mux in front of `cmd_vel`, which is
+started beside it, one process for each robot, decides which controller drives.
 
 The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
-`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT"}`, where
-`soter_sim.truth_server` tells what really happens.
+`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT"}`, the address of
+`soter_sim.truth_server`.
 """

@@ -19,10 +19,10 @@ class Base(VelocityControlledBase):
     """One robot.
 
     Args:
-        node: in the robot's namespace.
-        world: where it lives.
+        node: a node in the robot's namespace.
+        world: the robot's world.
         robot_id: its number.
-        stamp: the world's time as ROS has it.
+        stamp: returns the world's time as a ROS message.
         stamped: whether velocities come as TwistStamped.
     """
 

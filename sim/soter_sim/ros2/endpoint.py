@@ -28,10 +28,10 @@ class Endpoint(VelocityControlledEndpoint):
     Args:
         workspace: fence, boxes, chargers.
         robots: its robots.
-        namespaces: by robot, where its topics are.
+        namespaces: by robot, the namespace of its topics.
         limits: what the mission promises.
         stamped: whether velocities come as TwistStamped.
-        truth_port: where to tell the truth; 0 for any port that is free.
+        truth_port: port that serves the truth; 0 for any free one.
     """
 
     def __init__(

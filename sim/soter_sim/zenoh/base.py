@@ -18,11 +18,11 @@ class Base(VelocityControlledBase):
     """One robot.
 
     Args:
-        session: to hear and say over.
-        namespace: what its keys begin with.
-        world: where it lives.
+        session: the Zenoh session to use.
+        namespace: the prefix of its keys.
+        world: the robot's world.
         robot_id: its number.
-        stamp: the world's time.
+        stamp: returns the world's time.
         stamped: whether velocities come as TwistStamped.
     """
 

@@ -23,12 +23,12 @@ class Endpoint(VelocityControlledEndpoint):
     Args:
         workspace: fence, boxes, chargers.
         robots: its robots.
-        namespaces: by robot, what its keys begin with.
-        session: to hear and say over; somebody else's to close.
+        namespaces: by robot, the prefix of its keys.
+        session: the Zenoh session to use, which the caller closes.
         limits: what the mission promises.
         stamped: whether velocities come as TwistStamped.
-        truth_port: where to tell the truth; 0 for any port that is free.
-        speedup: seconds of the world in one of the host.
+        truth_port: port that serves the truth; 0 for any free one.
+        speedup: seconds of the world per second of the host.
     """
 
     def __init__(
