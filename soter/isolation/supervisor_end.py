@@ -24,6 +24,10 @@ MAX_REPORTS: Final = 200
 MAX_WAITING: Final = 2000
 """Reports that may wait for a mission that does not read."""
 
+_LOOKS: Final = 4
+"""A silence is that of so many looks at least: a supervisor that was stopped, as with its container, has not waited for
+a mission that was stopped, too."""
+
 _CLOSED_TICKS: Final = 3
 """A socket closes a moment before its process ends; so long it is waited for how."""
 
@@ -56,7 +60,8 @@ class SupervisorEnd:
         self._reports: Final[deque[messages.Reported]] = deque()
         self._sent = 0
         self._answered = 0
-        self._heard_steady_s = math.inf
+        self._looked_steady_s = 0.0
+        self._waited_s = 0.0
         self._handler = ""
         self._closed_ticks = 0
 
@@ -90,9 +95,9 @@ class SupervisorEnd:
         """Tell the mission that its robots are ready, what they promise, and which robots other processes command."""
         self._ports, self._peers = ports, peers
         self._handovers = dict.fromkeys(ports, 0)
-        self._heard_steady_s = self._steady()
+        self._looked_steady_s = self._steady()
         self._tell(messages.Begin(
-            fleet_s, self._heard_steady_s, tuple(ports), rooms, recorded, peers, capabilities,
+            fleet_s, self._looked_steady_s, tuple(ports), rooms, recorded, peers, capabilities,
         ))  # fmt: skip
 
     # --- at every tick -----------------------------------------------------------------------------------------
@@ -129,6 +134,9 @@ class SupervisorEnd:
         """
         turns: list[messages.Turn] = []
         read = 0
+        now_s = self._steady()
+        self._waited_s += min(now_s - self._looked_steady_s, self._silent_s / _LOOKS)
+        self._looked_steady_s = now_s
         try:
             for _ in range(MAX_MESSAGES):
                 data = None if self.failure or read > messages.MAX_TURN_BYTES else self._child.receive()
@@ -148,7 +156,7 @@ class SupervisorEnd:
             self._closed()
         except Garbage as garbage:
             self.fail(f"it sent garbage: {garbage}")
-        if self._sent > self._answered and self._steady() - self._heard_steady_s > self._silent_s:
+        if self._sent > self._answered and self._waited_s > self._silent_s:
             where = f"; it is in handler {self._handler}" if self._handler else ""
             # A process that it has left behind may hold the link open.
             self._closed()
@@ -198,7 +206,7 @@ class SupervisorEnd:
 
     def _take(self, turn: messages.Turn) -> None:
         self._answered = turn.tick
-        self._heard_steady_s = self._steady()
+        self._waited_s = 0.0
         self._handler = ""
         for ask in turn.asks:
             self._ask(ask)

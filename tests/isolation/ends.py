@@ -13,6 +13,7 @@ from soter.rta import Port, Report
 from soter.sdk import Controller, Link, RobotState, Waypoint
 
 SILENT_S = 2.0
+TICK_S = 0.05
 
 
 def state(robot_id: int, x_m: float = 1.0) -> RobotState:
@@ -77,12 +78,17 @@ class Rig:
         self.ports: dict[int, Port[Waypoint, RobotState]] = {i: Port(i, self.end.hear) for i in (1, 2)}
         self.end.begin(self.ports, 0.0, (ROOM,) * len(self.ports), peers=peers)
 
-    def tick(self, *turns: Turn, lasts_s: float = 0.05) -> list[Turn]:
+    def tick(self, *turns: Turn, lasts_s: float = TICK_S) -> list[Turn]:
         """Tell of a tick, let time pass, say what the mission says, and take it."""
         self.end.send(self.now_s, self.now_s, [state(1), state(2)])
         self.now_s += lasts_s
         self.child.said.extend(map(encode, turns))
         return self.end.receive()
+
+    def silence(self, lasts_s: float) -> None:
+        """Tell of ticks, one after the other, to which the mission says nothing more than it has said."""
+        for _ in range(round(lasts_s / TICK_S)):
+            self.tick()
 
 
 class Pair:

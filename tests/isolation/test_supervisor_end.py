@@ -130,9 +130,18 @@ def test_garbage_ends_it(data: bytes) -> None:
 def test_silence_counts_from_a_tick_that_was_not_answered() -> None:
     rig = Rig()
     rig.tick(Turn(1), lasts_s=10.0 * SILENT_S)
-    rig.tick(lasts_s=0.9 * SILENT_S)
+    rig.silence(0.9 * SILENT_S)
     assert not rig.end.failure
-    rig.tick(lasts_s=0.2 * SILENT_S)
+    rig.silence(0.2 * SILENT_S)
+    assert failure(rig) == "it has been silent for 2 s of host time"
+
+
+def test_a_mission_that_was_stopped_with_its_supervisor_was_not_silent() -> None:
+    rig = Rig()
+    rig.tick(lasts_s=3600.0)
+    assert not rig.end.failure
+    assert rig.tick(Turn(1))
+    rig.silence(1.1 * SILENT_S)
     assert failure(rig) == "it has been silent for 2 s of host time"
 
 
@@ -140,7 +149,7 @@ def test_a_handler_that_hangs_is_named() -> None:
     rig = Rig()
     rig.tick(Turn(1))
     rig.child.said.append(encode(Busy("Planner: Planner.Waiting")))
-    rig.tick(lasts_s=1.1 * SILENT_S)
+    rig.silence(1.1 * SILENT_S)
     assert rig.end.failure.endswith("it is in handler Planner: Planner.Waiting")
 
 
@@ -148,7 +157,7 @@ def test_a_handler_that_came_back_is_not_blamed() -> None:
     rig = Rig()
     rig.child.said.append(encode(Busy("Planner: Planner.Waiting")))
     rig.tick(Turn(1))
-    rig.tick(lasts_s=1.1 * SILENT_S)
+    rig.silence(1.1 * SILENT_S)
     assert "Planner" not in rig.end.failure
 
 
