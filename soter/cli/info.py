@@ -82,7 +82,7 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
         ("goals", _counts(summary.goals)),
         ("targets", _counts(summary.targets)),
         ("transitions", str(summary.transitions)),
-        ("violations", _counts(summary.violations)),
+        ("violations", _judged(summary)),
     ]
     if summary.faults:
         lines.append(("faults", _counts(summary.faults)))
@@ -111,6 +111,14 @@ def _failed(failed: AssumptionFailure) -> str:
 def _stall(stall: Stall) -> str:
     end = "the end" if stall.end_s is None else f"{stall.end_s:.2f} s"
     return f"robot {stall.robot_id} without its AC from {stall.start_s:.2f} s to {end}: {stall.module}: {stall.cause}"
+
+
+def _judged(summary: Summary) -> str:
+    counts = _counts(summary.violations)
+    if not summary.unknown:
+        return counts
+    # None that was seen is no finding where not all was looked at.
+    return f"{counts} as far as is known: {summary.unknown}" if summary.violations else f"unknown: {summary.unknown}"
 
 
 def _counts(counts: Mapping[str, int]) -> str:

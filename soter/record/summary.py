@@ -66,6 +66,7 @@ class Summary:
         transitions: of the mission's machines.
         faults: what injected faults had spoilt at the end, by kind.
         violations: by rule, as ground truth saw them.
+        unknown: what is not known of violations, in words; empty where ground truth judged the run to its end.
         assumptions: those that were seen not to hold.
         stalls: robots that were without their AC for long, and not charging.
         never_moved: robots that never moved, as the result has it.
@@ -96,6 +97,7 @@ class Summary:
     transitions: int
     faults: dict[str, int]
     violations: dict[str, int]
+    unknown: str
     assumptions: tuple[AssumptionFailure, ...]
     stalls: tuple[Stall, ...]
     never_moved: tuple[int, ...]
@@ -130,6 +132,7 @@ def summarise(recording: Recording, content: Content) -> Summary:
         transitions=len(content.transitions),
         faults={f"{each.kind} of robot {each.robot_id}": each.affected for each in content.faults},
         violations=_violations(content.violations, result),
+        unknown=_unknown(result),
         assumptions=tuple(_in_all(content.breaches.values()) or ([] if result is None else _in_result(result))),
         stalls=tuple(
             Stall(each.robot_id, each.start_s, None if each.end_s is UNSET else each.end_s, each.module, each.cause)
@@ -174,3 +177,12 @@ def _violations(seen: list[messages.ViolationEvent], result: Result | None) -> d
     """Return the result's counts, which know every rule; without a result what was seen until then."""
     counted = None if result is None else result.violations
     return _counted(each.rule for each in seen) if counted is None else dict(counted)
+
+
+def _unknown(result: Result | None) -> str:
+    if result is None:
+        return "the run did not get to sum up what ground truth saw"
+    if result.violations is None:
+        return "there is no ground truth"
+    ended_s = result.truth_ended_s
+    return "" if ended_s is None else f"ground truth ended at {ended_s:.2f} s"

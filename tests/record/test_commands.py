@@ -176,6 +176,33 @@ def test_info_says_that_a_file_was_cut_off(kinematic: Recorded, tmp_path: Path) 
     assert "it did not get to say so" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"violations": None, "min_margin": None}, "violations      unknown: there is no ground truth"),
+        ({"truth_ended_s": 20.0}, "obstacle 0) as far as is known: ground truth ended at 20.00 s"),
+    ],
+    ids=["no truth", "truth that ended"],
+)
+def test_info_does_not_say_that_there_was_no_violation_where_that_is_not_known(
+    changed: dict[str, object], words: str, short: Recorded, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+
+    def change(name: str, data: bytes) -> bytes:
+        return json.dumps(json.loads(data) | changed).encode() if name == "result.json" else data
+
+    rewrite(short.path, path, lambda _, data: data, change)
+    assert words in ran("info", path).stdout
+    assert json.loads(ran("info", path, "--json").stdout)["unknown"] in words
+
+
+def test_info_does_not_know_the_violations_of_a_run_that_was_cut_off(short: Recorded, tmp_path: Path) -> None:
+    data, part = short.path.read_bytes(), tmp_path / "part.mcap"
+    part.write_bytes(data[: len(data) // 2])
+    assert "violations      unknown: the run did not get to sum up what ground truth saw" in ran("info", part).stdout
+
+
 def test_info_writes_tables(kinematic: Recorded, tmp_path: Path) -> None:
     done = ran("info", kinematic.path, "--csv", tmp_path / "tables")
     assert done.exit_code == 0
