@@ -106,7 +106,8 @@ def main() -> None:
         command(prog_name="soter")
     except SystemExit as end:
         for stream in (sys.stdout, sys.stderr):
-            with suppress(OSError, ValueError):
+            # Foreign code may have closed it, or put something else in its place.
+            with suppress(OSError, ValueError, AttributeError):
                 stream.flush()
         if any(file.full for file in files):
             end.code = ExitCode.RUN_FAILED

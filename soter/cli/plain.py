@@ -132,6 +132,17 @@ def behind(stream: TextIO) -> TextIO:
     return stream.stream if isinstance(stream, PlainStream) else stream
 
 
+_STREAMS: Final = ("stdin", "stdout", "stderr")
+
+
+def _open_what_is_closed() -> None:
+    """Have nowhere for a standard stream that is closed: the next file that is opened would take its place."""
+    while (fd := os.open(os.devnull, os.O_RDWR)) < len(_STREAMS):
+        os.set_inheritable(fd, True)
+        setattr(sys, _STREAMS[fd], os.fdopen(fd, "w" if fd else "r", closefd=False))
+    os.close(fd)
+
+
 def guard_streams(on_full: Callable[[OSError], None]) -> list[Unfailing]:
     """Let nothing that a terminal obeys out of this process by standard output or standard error.
 
@@ -143,6 +154,7 @@ def guard_streams(on_full: Callable[[OSError], None]) -> list[Unfailing]:
     Returns:
         Where the two write to.
     """
+    _open_what_is_closed()
     harmless = all(plain(argument) == argument for argument in sys.argv)
     files = []
     for name in ("stdout", "stderr"):

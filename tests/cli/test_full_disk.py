@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from soter.record.digest import DigestState, prove
 from tests.project.source import ROOT
 
 MISSION = [
@@ -63,6 +64,39 @@ def test_a_reader_that_leaves_ends_no_command(arguments: list[str]) -> None:
     os.close(reader)
     done = said(arguments, writer)
     os.close(writer)
+    assert (complaints(done), done.returncode) == ([], 0)
+
+
+@pytest.mark.parametrize("closed", [[1], [2], [1, 2], [0, 1, 2]], ids=str)
+def test_a_run_that_is_started_without_its_streams_says_and_keeps_all_the_same(
+    closed: list[int], tmp_path: Path
+) -> None:
+    recording, result = tmp_path / "run.mcap", tmp_path / "result.json"
+    mission = [each for each in MISSION if each != "--no-record"]
+    done = subprocess.run(
+        [sys.executable, "-m", "soter.cli", *mission, "--record", str(recording), "--json", str(result)],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+        preexec_fn=lambda: [os.close(fd) for fd in closed],  # type: ignore[func-returns-value]
+    )  # fmt: skip
+    assert (complaints(done), done.returncode) == ([], 0)
+    assert json.loads(result.read_text())["status"] == "completed"
+    assert prove(recording).state is DigestState.WHOLE
+
+
+TAKES_THEM_AWAY = """
+import sys
+from soter import Mission
+
+class Mute(Mission):
+    async def run(self, robot):
+        sys.stdout = sys.stderr = None
+"""
+
+
+def test_a_script_that_takes_the_streams_away_does_not_change_the_exit_code(tmp_path: Path) -> None:
+    script = tmp_path / "mute.py"
+    script.write_text(TAKES_THEM_AWAY)
+    done = said([*MISSION, "--mission", str(script)], subprocess.PIPE)
     assert (complaints(done), done.returncode) == ([], 0)
 
 
