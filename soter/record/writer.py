@@ -230,7 +230,9 @@ def record(
             for frame in intake.take(data):
                 scribe.take(frame)
                 if isinstance(frame, wire.FirstFrame):
-                    os.write(sys.stdout.fileno(), READY)
+                    # A run that has been killed meanwhile needs its file closed all the same.
+                    with contextlib.suppress(BrokenPipeError):
+                        os.write(sys.stdout.fileno(), READY)
                 flushed_s = _flushed(file, flushed_s, chunk_s)
         flushed_s = _flushed(file, flushed_s, chunk_s)
         # A run that has filled much of the pipe in this time is about to wait for it.

@@ -81,6 +81,29 @@ def test_a_killed_run_leaves_a_closed_file_that_holds_its_last_tick(tmp_path: Pa
     assert (killed_ns - ticks_of(path)[-1].host_ns) / 1e9 <= 0.2 + waited_s
 
 
+KILLED_AT_ITS_BEGINNING = """
+import os, sys
+from pathlib import Path
+from soter.record.pipe import WriterPipe
+from soter.runner import run_mission
+from tests.record.helpers import mission
+
+WriterPipe.wait_ready = lambda pipe: (print(pipe.pid, flush=True), os._exit(9))
+run_mission(mission(duration_s=1.0), record=Path(sys.argv[1]))
+"""
+
+
+def test_a_run_that_is_killed_before_its_writer_is_ready_leaves_a_closed_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED_AT_ITS_BEGINNING, path], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    wait_until(lambda: gone(int(done.stdout)))
+    assert done.returncode == 9
+    assert prove(path).state is DigestState.WHOLE
+    assert Recording(path).about.robots
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_signal_leaves_a_closed_file_with_a_result(tmp_path: Path, number: signal.Signals, code: int) -> None:
     path = tmp_path / "run.mcap"
