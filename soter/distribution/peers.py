@@ -71,6 +71,7 @@ class _Start:
             process.
         heard: the stamps of this process's samples that it has heard last, by robot.
         offset: what is known of its clock.
+        was_current: whether it has been believed to be the one that lives.
     """
 
     status: Status
@@ -78,6 +79,7 @@ class _Start:
     sent_s: float = -math.inf
     heard: Mapping[int, float] = field(default_factory=dict)
     offset: _Offset = field(default_factory=_Offset)
+    was_current: bool = False
 
 
 class RemoteRobot:
@@ -94,6 +96,7 @@ class RemoteRobot:
         self._monitor: Final = monitor
         self._latest: RobotStatus | None = None
         self._reported: RobotState | None = None
+        self._at_least_s = -math.inf
         self._found: BrokenAssumption | None = None
 
     def sample(self) -> RobotState | None:
@@ -143,9 +146,12 @@ class RemoteRobot:
             found = self._monitor.look(reported.stamp_s, [reported])
             if last is not None:
                 self._found = found.get(self.robot_id, self._found)
-        # A later sample was not taken earlier: what is known of the one before holds for it too.
-        at_least_s = stamp_s if before is None else max(stamp_s, before.state.stamp_s)
-        state = reported._replace(stamp_s=at_least_s)
+        # A later sample was not taken earlier: what is known of the one before holds for it too. Which is later, only
+        # stamps of one start say: of two processes with one name each may be believed in turn.
+        self._at_least_s = stamp_s if anew else max(stamp_s, self._at_least_s)
+        if before is not None and self._at_least_s < before.state.stamp_s:
+            return
+        state = reported._replace(stamp_s=self._at_least_s)
         self._latest = msgspec.structs.replace(status, state=state)
         self.port.state = state
         self.port.engaged = status.engaged
@@ -257,8 +263,8 @@ class OtherProcess:
         if anew and current is not None and current.sent_s >= start.sent_s:
             return
         if anew:
-            self.starts += 1
-            self._current = status.epoch
+            self.starts += not start.was_current
+            start.was_current, self._current = True, status.epoch
         for robot in status.robots:
             age_s = max(0.0, status.sent_s - robot.state.stamp_s) * (1.0 + DRIFT)
             self.robots[robot.state.robot_id].take(robot, start.sent_s - age_s, anew=anew)

@@ -249,6 +249,26 @@ def test_late_words_of_an_ended_start_are_not_taken_for_the_one_that_lives() -> 
     assert world.a.peer_group.others["b"].starts == 2
 
 
+def test_of_two_processes_with_one_name_no_sample_is_taken_for_younger_than_it_is(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    world = World(delay_s=(0.002, 0.002))
+    world.run(1.0)
+    twin = Process(world.network, "b", "a", 2, 500.0, 1.0)
+    twin.where_m, twin.age_s = 50.0, 1.5  # it hears of its robot late
+    with caplog.at_level(logging.WARNING):
+        for process in (world.a, world.b, twin) * 40:
+            process.tick()
+            world.network.advance(world.network.now_s + TICK_S / 3)
+            sample = world.a.peer.sample()
+            assert sample is not None
+            sound(world.a, world.b if sample.x_m < 50.0 else twin)
+    assert [record.getMessage() for record in caplog.records] == ["process 'b' has been started anew"]
+    assert alive(world.a), "the other one tells where the robot is"
+    assert world.b.peer_group.has_duplicate()
+    assert twin.peer_group.has_duplicate()
+
+
 def test_a_peer_that_moves_too_fast_is_found_out_by_its_own_stamps() -> None:
     world = World(delay_s=(0.0, 0.3))
     world.run(2.0)
