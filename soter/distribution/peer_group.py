@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -80,15 +81,15 @@ class PeerGroup:
         status = Status(self._me, self._epoch, self._mission, self._serial, now_s, tuple(robots), echoes)
         self._bus.publish(self._key, encode(status))
 
-    def missing(self, now_s: float) -> dict[str, str]:
-        """Return which processes are not there, and why, in words: both have to hear the other."""
+    def missing(self, now_s: float, since_s: float = -math.inf) -> dict[str, str]:
+        """Return which processes are not there, and why, in words: both have to hear the other, after some time."""
         missing = {}
         for name, other in self.others.items():
             if other.foreign:
                 missing[name] = f"it {_FOREIGN}"
             elif not other.has_heard_us:
                 missing[name] = "it has not been heard yet" if not other.heard_at_all else "it does not hear this one"
-            elif now_s - other.heard_s > PEER_SILENT_S:
+            elif other.heard_s < max(since_s, now_s - PEER_SILENT_S):
                 missing[name] = f"it has not been heard for {now_s - other.heard_s:.1f} s"
         return missing
 

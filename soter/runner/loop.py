@@ -120,12 +120,28 @@ class Loop:
         taps = peers if recorder is None else [recorder.tap_peer(peer, robot_ids) for peer in peers]
         return Others(taps, self.session.promises)
 
-    def begin(self) -> None:
-        """Begin the recording and the mission host, shortly before the first tick.
+    def begin(self, follower: Follower) -> bool:
+        """Begin, as soon as all other processes have joined, shortly before the first tick.
+
+        Returns:
+            False when told to stop.
 
         Raises:
+            ConfigError: another process of this name is running, or the recording cannot be written.
+            RobotUnavailable: the others have not joined in time.
             RunFailed: the mission host does not return.
         """
+        session, robots = self.session, self.fleet.robots
+        if session is not None and not session.wait(robots, follower):
+            return False
+        self._begin()
+        if self.recorder is not None and follower.recording is not None:
+            follower.recording(self.recorder.writing)
+        # All that took its time, in which the others heard nothing.
+        return session is None or session.wait(robots, follower, again=True)
+
+    def _begin(self) -> None:
+        """Begin the recording and the mission host."""
         recorder, safety = self.recorder, self.safety
         rooms = {
             robot.id: OwnRoom(

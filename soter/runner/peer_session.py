@@ -82,11 +82,12 @@ class PeerSession:
         self._peer_group.tell([_status(robot) for robot in robots])
         self._took_s[-1] += time.perf_counter() - begun_s
 
-    def wait(self, robots: Sequence[Robot], follower: Follower) -> bool:
+    def wait(self, robots: Sequence[Robot], follower: Follower, *, again: bool = False) -> bool:
         """Wait until all other processes have joined; meanwhile the robots stand, and their states are sent.
 
         Args:
             robots: this process's robots, ready.
+            again: all have joined before; now each is waited for until it has begun, which takes its time.
             follower: shown the missing processes, whenever they change and every few seconds, and polled for whether
                 to give up.
 
@@ -98,14 +99,15 @@ class PeerSession:
             ConfigError: another process of this name is running.
         """
         clock, limit_s = self._clock, self._part.mission.distribution.wait_s
-        begun_s, said, said_s = clock.steady_s(), "", -math.inf
+        begun_s, said = clock.steady_s(), ""
+        since_s, said_s, least_s = (clock.now(), 0.0, 0.0) if again else (-math.inf, -math.inf, _DUPLICATE_S)
         while not follower.stop():
             self._peer_group.look()
             self._peer_group.tell([RobotStatus(robot.read_state(), False, "waiting", False) for robot in robots])
             self._refuse_duplicate()
             waited_s = clock.steady_s() - begun_s
-            missing = self._peer_group.missing(clock.now())
-            if not missing and waited_s >= _DUPLICATE_S:
+            missing = self._peer_group.missing(clock.now(), since_s)
+            if not missing and waited_s >= least_s:
                 if said:
                     follower.say("all processes are there")
                 return True
@@ -115,7 +117,7 @@ class PeerSession:
                     f"after {limit_s:g} s not all processes are there: {words}; start each with --process, and check "
                     "that all reach the same bus"
                 )
-            if words and (words != said or waited_s - said_s >= SAY_EVERY_S):
+            if words and ((words != said and not again) or waited_s - said_s >= SAY_EVERY_S):
                 said, said_s = words, waited_s
                 follower.say(f"waiting for {words}")
             clock.sleep_until(clock.now() + _LOOK_S)

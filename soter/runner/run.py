@@ -129,10 +129,7 @@ def run_mission(
         except IllFormedModule as failure:
             raise refused_at(failure, mission, workspace, backend_class, config) from failure
         status, failure_text = "interrupted", ""
-        if session is None or session.wait(fleet.robots, follower):
-            loop.begin()
-            if recorder is not None and follower.recording is not None:
-                follower.recording(recorder.writing)
+        if loop.begin(follower):
             status, failure_text = loop.run(follower)
         engine = getattr(config, "engine", None)
         run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks, falls=tuple(loop.falls))
@@ -175,7 +172,6 @@ def _run_task_planner(part: Part, workspace: Workspace, follower: Follower) -> R
         stack.callback(_end, host, watchdog)
         loop = Loop(Accepted(part.mission, workspace), fleet, host, Study(), None, session, watchdog)
         status, failure = "interrupted", ""
-        if session.wait((), follower):
-            loop.begin()
+        if loop.begin(follower):
             status, failure = loop.run(follower)
         return Run(loop.result(status, failure, None), loop.metrics.tracks)

@@ -10,6 +10,8 @@ import pytest
 
 from soter.errors import ConfigError, RobotUnavailable
 from soter.runner import RunResult
+from soter.runner.machine_host import MachineHost
+from soter.runner.mission_host import Scene
 from tests.distribution.air import Network
 from tests.missions import scripts
 from tests.runner.lockstep import Site
@@ -85,6 +87,23 @@ def test_scripts_run_beside_the_task_planner_for_robots_of_other_processes(sites
     assert results[GROUND].targets_reached == results[ALPHA].targets_reached + results[BETA].targets_reached >= 2
     assert {robot_id for robot_id, arrived in scripts.ARRIVALS if arrived} == {1, 2}
     assert any(arrived.why.startswith("taken over by ") for _, arrived in scripts.ARRIVALS)
+
+
+def test_no_assumption_fails_because_a_process_takes_its_time_to_begin(
+    sites: Sites, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = MachineHost.start
+
+    def slow(host: MachineHost, scene: Scene) -> None:
+        scene.clock.sleep_until(scene.clock.now() + 0.8)
+        begin(host, scene)
+
+    monkeypatch.setattr(MachineHost, "start", slow)
+    site = begun(sites, Site(THREE, duration_s=5.0))
+    site.run(15.0)
+    for name in (ALPHA, BETA):
+        assert site.results[name].status == "completed"
+        assert not site.results[name].assumptions
 
 
 def test_a_process_says_who_it_waits_for_and_why(sites: Sites) -> None:

@@ -278,7 +278,7 @@ class Site:
                     fleet.clock = clock
                     accepted = Accepted(part.mission, self.workspace)
                     self.planner = Loop(accepted, fleet, host, Study(), None, session)
-                    return self._result(self.planner, session, say)
+                    return self._result(self.planner, say)
                 finally:
                     host.close()
             return self._robots_loop(part, clock, session, say)
@@ -295,15 +295,14 @@ class Site:
                 robot.init(1.0)
             loop = Loop(Accepted(part.mission, self.workspace), fleet, host, Study(), recorder, session)
             self.loops[part.name] = loop
-            return self._result(loop, session, say)
+            return self._result(loop, say)
         finally:
             host.close()
             if recorder is not None:
                 recorder.close()
 
-    def _result(self, loop: Loop, session: PeerSession, say: Callable[[str], None]) -> RunResult:
-        assert session.wait(loop.fleet.robots, Follower(say=say))
-        loop.begin()
+    def _result(self, loop: Loop, say: Callable[[str], None]) -> RunResult:
+        assert loop.begin(Follower(say=say))
         status, failure = loop.run(Follower())
         return loop.result(status, failure, None)
 
