@@ -21,8 +21,8 @@ from typing import Any, Final, TextIO
 FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says where a disk, a user's share of it, or what a file may hold is full."""
 
-_LEFT: Final = (errno.EPIPE, errno.ESHUTDOWN, errno.ECONNRESET)
-"""What it says where the reader has left."""
+_LEFT: Final = (errno.EPIPE, errno.ESHUTDOWN, errno.ECONNRESET, errno.EBADF)
+"""What it says where the reader has left, or foreign code has closed the file."""
 
 _UNSAFE: Final = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # C0 but tabulators and ends of lines, DEL, C1

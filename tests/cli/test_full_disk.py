@@ -84,20 +84,23 @@ def test_a_run_that_is_started_without_its_streams_says_and_keeps_all_the_same(
 
 
 TAKES_THEM_AWAY = """
-import sys
+import os, sys
 from soter import Mission
 
 class Mute(Mission):
     async def run(self, robot):
-        sys.stdout = sys.stderr = None
+        if robot.id == 1:
+            {deed}
 """
 
 
-def test_a_script_that_takes_the_streams_away_does_not_change_the_exit_code(tmp_path: Path) -> None:
-    script = tmp_path / "mute.py"
-    script.write_text(TAKES_THEM_AWAY)
-    done = said([*MISSION, "--mission", str(script)], subprocess.PIPE)
+@pytest.mark.parametrize("deed", ["sys.stdout = sys.stderr = None", "os.close(1); os.close(2)"])
+def test_a_script_that_takes_the_streams_away_changes_neither_exit_code_nor_result(deed: str, tmp_path: Path) -> None:
+    script, result = tmp_path / "mute.py", tmp_path / "result.json"
+    script.write_text(TAKES_THEM_AWAY.format(deed=deed))
+    done = said([*MISSION, "--mission", str(script), "--json", str(result)], subprocess.PIPE)
     assert (complaints(done), done.returncode) == ([], 0)
+    assert json.loads(result.read_text())["status"] == "completed"
 
 
 def test_a_terminal_that_is_gone_costs_a_run_nothing(tmp_path: Path) -> None:
