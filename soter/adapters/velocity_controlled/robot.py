@@ -42,6 +42,9 @@ _BLIND_S: Final = 0.3
 _LOOK_S: Final = 0.005
 _REPEAT_S: Final = 0.05
 _LOST_S: Final = 1.0
+_GAP_S: Final = 0.25
+"""More than this between two samples is the link's silence, not the mux's."""
+
 _INTRUDED_S: Final = 0.1
 """So long a robot is not driven after somebody else was seen to: not a lease, so that one message stops it for a tick
 or two, and who goes on keeps it stopped."""
@@ -135,6 +138,8 @@ class VelocityControlledRobot(Robot):
         self._latest: tuple[RobotState, MeasuredMotion] | None = None
         self._gate: GateReport | None = None
         self._charge: Charge | None = None
+        # For how long the robot was heard since an order that its mux has not answered; None while there is none.
+        self._unanswered_s: float | None = None
         self._heard = 0
         self._intruded = float("-inf"), ""
         self.dropped: Final[Counter[str]] = Counter()
@@ -160,8 +165,12 @@ class VelocityControlledRobot(Robot):
             return
         east_m_s, north_m_s = motion.velocity
         gate, charge = self._gate, self._charge
-        # What a mux says of who is in charge is about us only if it listens to us.
-        ours = gate is not None and gate.session == self._order.session
+        unanswered_s = self._unanswered_s
+        if unanswered_s is not None and latest is not None:
+            passed_s = max(0.0, motion.stamp_s - latest[1].stamp_s) / self._rate
+            self._unanswered_s = unanswered_s = unanswered_s + min(passed_s, _GAP_S)
+        # What a mux says of who is in charge is about us only if it listens to us, and holds only while it lives.
+        ours = gate is not None and gate.session == self._order.session and (unanswered_s or 0.0) <= _LOST_S
         state = RobotState(
             robot_id=self.id,
             stamp_s=self._vehicle_clock.to_fleet_s(self.id, motion.stamp_s),
@@ -195,6 +204,7 @@ class VelocityControlledRobot(Robot):
         """Take what the mux says it does."""
         try:
             self._gate = GateReport.decode(text)
+            self._unanswered_s = None
         except ValueError as failure:
             self._drop("a report of its mux that makes no sense", failure)
 
@@ -270,6 +280,8 @@ class VelocityControlledRobot(Robot):
         """Tell the mux all that is to hold, with these changes, under a new number."""
         order = self._order._replace(seq=self._order.seq + 1, **changes)  # type: ignore[arg-type]
         self._order = order
+        if self._unanswered_s is None:
+            self._unanswered_s = 0.0
         self._send_order(order.encode())
 
     def _all_heard(self, *, battery: bool) -> bool:

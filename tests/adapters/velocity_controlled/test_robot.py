@@ -36,6 +36,7 @@ class Fake(VelocityControlledRobot):
         self.host = host
         self.velocities: list[tuple[str, float, float]] = []
         self.orders: list[Order] = []
+        self.has_mux = True
 
     def _connect(self, timeout_s: float) -> Capabilities:
         return self.declared
@@ -46,6 +47,8 @@ class Fake(VelocityControlledRobot):
     def _send_order(self, text: str) -> None:
         order = Order.decode(text)
         self.orders.append(order)
+        if not self.has_mux:
+            return
         self._take_report(GateReport(order.session, order.seq, order.controller, order.renewed_s is not None).encode())
 
     def hear(
@@ -85,6 +88,38 @@ def robot() -> Fake:
     robot.hear(500.0)
     robot.init(1.0)
     return robot
+
+
+def renewed(robot: Fake, until_s: float) -> Controller | None:
+    """Renew the lease at every tick until a time of its clock; return who it says is in charge then."""
+    while robot.host.now_s < until_s:
+        robot.host.now_s += 0.05
+        robot.renew_lease()
+        robot.hear(490.0 + robot.host.now_s)
+    return robot.read_state().controller
+
+
+def test_a_mux_that_answers_no_more_says_nothing_of_who_is_in_charge(robot: Fake) -> None:
+    assert renewed(robot, 12.0) is Controller.SC
+    robot.has_mux = False
+    assert renewed(robot, 12.9) is Controller.SC, "some orders may get lost"
+    assert renewed(robot, 13.2) is None
+    robot.has_mux = True
+    assert renewed(robot, 13.3) is Controller.SC
+
+
+def test_a_link_that_was_silent_is_no_dead_mux(robot: Fake) -> None:
+    robot.has_mux = False
+    renewed(robot, 10.5)
+    robot.host.now_s = 30.0
+    assert renewed(robot, 30.1) is Controller.SC
+
+
+def test_a_robot_that_was_told_nothing_need_not_answer(robot: Fake) -> None:
+    robot.has_mux = False
+    for stamp_s in range(501, 520):
+        robot.hear(float(stamp_s))
+    assert robot.read_state().controller is Controller.SC
 
 
 def test_it_steers_at_each_odometry_and_only_while_its_lease_lives(robot: Fake) -> None:
