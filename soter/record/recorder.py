@@ -235,7 +235,9 @@ class Recorder:
             # A run that did not come to an end has no result, but what happened in its last tick.
             last = self._packed_ticks() + (self._last or self._packed_end(b""))
             outcome = wire.WriterOutcome() if self._pipe is None else self._pipe.close(last)
-            self._report = RecordingReport(self.path, outcome.failure, self._dropped, outcome.size_bytes, self._refused)
+            # A writer that was killed, or had failed before, does not say it.
+            size_bytes = outcome.size_bytes or _size(self.writing)
+            self._report = RecordingReport(self.path, outcome.failure, self._dropped, size_bytes, self._refused)
             self._say(outcome.failure, "")
         return self._report
 
@@ -309,6 +311,13 @@ class Recorder:
 def _near(time_s: object, now_s: float) -> bool:
     # Compared, not subtracted: a whole number may be too large for a float.
     return isinstance(time_s, int | float) and now_s - LATE_S <= time_s <= now_s + LATE_S
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
 
 
 def _row(robot: RobotSupervisor, tap: Tap) -> wire.RobotRow:

@@ -132,6 +132,7 @@ def test_a_killed_writer_costs_the_recording_and_not_the_run(tmp_path: Path, cap
     assert run.result.status == "completed"
     assert run.recording is not None
     assert "killed" in run.recording.failure
+    assert run.recording.size_bytes == (tmp_path / "run.mcap").stat().st_size > 0
     assert "killed" in caplog.text
     assert run.result.trace_sha256 == run_mission(mission(duration_s=60.0)).result.trace_sha256
 
