@@ -60,8 +60,9 @@ def read_world() -> tuple[Workspace, Sequence[RobotSpec], RuleLimits]:
 def serve(endpoint: RealTimeWorld, ended: Ending, **told: object) -> None:
     """Print the address of the truth, and `told`, as a line of JSON; then run until it is to end."""
     try:
-        sys.stdout.write(json.dumps({"truth": endpoint.truth.address, **told}) + "\n")
-        sys.stdout.flush()
+        # Who has started it may be gone by now, which `ended` then says.
+        with suppress(BrokenPipeError):
+            os.write(sys.stdout.fileno(), f"{json.dumps({'truth': endpoint.truth.address, **told})}\n".encode())
         _favour()
         endpoint.run(ended)
     finally:
