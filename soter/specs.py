@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from soter.config import MissionFile, validate_options
-from soter.errors import ConfigError, floor_m, nearest
+from soter.errors import BackendError, ConfigError, SoterError, account_of, floor_m, nearest
 from soter.faults import FaultTable, read_faults
 from soter.faults.robot import widened
 from soter.faults.telemetry import BatteryOptions
@@ -62,6 +62,7 @@ def asked(
 
     Raises:
         ConfigError: what `[robots.N]` says is not allowed on this backend; names key, value and what is.
+        BackendError: what the backend says that its robots promise cannot be.
     """
     said = mission.robots.promises
 
@@ -71,10 +72,21 @@ def asked(
         promise = validate_options(
             type(config.promise), both, mission.source, f"robots.{robot_id}", overridden=mission.overridden
         )
-        return backend.promises(config.model_copy(update={"promise": promise}))
+        return _promised(backend, config.model_copy(update={"promise": promise}), mission)
 
-    common = backend.promises(config)
+    common = _promised(backend, config, mission)
     return {place.id: of(place.id) if place.id in said else common for place in workspace.robots}
+
+
+def _promised(backend: type[Backend], config: BackendConfig, mission: MissionFile) -> Capabilities:
+    """Return what a backend says that its robots promise; it may be a third party's."""
+    try:
+        return backend.promises(config)
+    except SoterError:
+        raise
+    except Exception as failure:
+        cause = account_of(failure, str)
+        raise BackendError(f"{mission.backend}: its robots cannot promise that: {cause}") from failure
 
 
 def promises(

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from soter.conformance.record import Record
-from soter.sdk.values import WIDENS, Widens
+from soter.sdk.capabilities import WIDENS, Widens
 
 
 @dataclass(frozen=True, slots=True)

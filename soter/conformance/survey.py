@@ -17,7 +17,7 @@ from soter.conformance.record import Outcome, Record, Verdict
 from soter.conformance.workshop import Workshop
 from soter.registry import load_backend
 from soter.sdk import Capabilities
-from soter.sdk.values import WIDENS, Widens
+from soter.sdk.capabilities import ABOVE_0, WIDENS, Widens
 
 _FIRST: Final = ("bounds.rest", "truth.bounds.noise", "goto.v_max")
 """What these find, the others go by."""
@@ -170,7 +170,7 @@ def _table(given: Given, wanted: Mapping[str, float]) -> Mapping[str, float]:
         promise = config.promise.model_copy(update=told)
         return backend.promises(config.model_copy(update={"promise": promise}))
 
-    told = dict(wanted)
+    told = {name: max(value, _STEP) if name in ABOVE_0 else value for name, value in wanted.items()}
     for _ in range(_PASSES):
         # What one figure adds to another is right in the second pass.
         for name, value in wanted.items():

@@ -10,11 +10,11 @@ from soter.sdk.backend import (
     TruthReport,
     Violation,
 )
+from soter.sdk.capabilities import Capabilities
 from soter.sdk.goal import Goal, Switch
 from soter.sdk.robot import Robot
 from soter.sdk.values import (
     MAX_COORDINATE_M,
-    Capabilities,
     Controller,
     FaultReport,
     GoalStatus,

@@ -14,10 +14,10 @@ from soter.clock import Clock
 from soter.config.promises import Promise
 from soter.errors import Unsupported
 from soter.geometry.workspace import Workspace
+from soter.sdk.capabilities import Capabilities
 from soter.sdk.robot import Robot
 from soter.sdk.values import (
     RULES,
-    Capabilities,
     FaultReport,
     HeldMission,
     RobotSpec,

@@ -15,9 +15,10 @@ from typing import Final
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
 from soter.onboard.command import Command, GoalMessage, Report
+from soter.sdk.capabilities import Capabilities
 from soter.sdk.goal import Goal
 from soter.sdk.robot import Robot
-from soter.sdk.values import Capabilities, Controller, Link, RobotSpec, RobotState
+from soter.sdk.values import Controller, Link, RobotSpec, RobotState
 
 logger = logging.getLogger(__name__)
 

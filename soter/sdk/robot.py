@@ -10,8 +10,9 @@ from typing import ClassVar, Final
 
 from soter.clock import Clock
 from soter.errors import LifecycleError, RobotUnavailable, Uncontrolled
+from soter.sdk.capabilities import Capabilities
 from soter.sdk.goal import Goal, Switch
-from soter.sdk.values import Capabilities, Controller, GoalStatus, Link, RobotSpec, RobotState, Waypoint
+from soter.sdk.values import Controller, GoalStatus, Link, RobotSpec, RobotState, Waypoint
 
 STALE_AFTER_S: Final = 0.5
 DOWN_AFTER_S: Final = 3.0

@@ -241,11 +241,11 @@ class FasterThanDeclared(Broken):
     declared: ClassVar[Capabilities] = replace(SimulatedRobot.declared, v_max_m_s=0.15)
 
 
-class EndlessLease(Broken):
-    """Declares a lease without end."""
+class NoBody(Broken):
+    """Declares that its body takes no room."""
 
     caught_by = "capabilities.sane"
-    declared: ClassVar[Capabilities] = replace(SimulatedRobot.declared, lease_s=math.inf)
+    declared: ClassVar[Capabilities] = replace(SimulatedRobot.declared, body_radius_m=0.0)
 
 
 def _wrapped(value: float, most: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,10 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from soter.adapters.pybullet.backend import KinematicBackend
 from soter.config import MissionFile, load_mission
-from soter.errors import ConfigError
+from soter.errors import BackendError, ConfigError
 from soter.registry import load_backend
 from soter.runner import run_mission
+from soter.sdk import Capabilities
 from soter.specs import promises, read_options
 from tests.project.source import ROOT
 
@@ -41,6 +44,22 @@ def mission(settings: dict[str, Any]) -> MissionFile:
 def promised(asked: MissionFile) -> None:
     workspace, backend = asked.read_workspace(), load_backend(asked.backend, to_open=False)
     promises(backend, read_options(backend, asked, workspace), asked, workspace)
+
+
+class Shrunk(KinematicBackend):
+    """Its robots have bodies that meet nothing."""
+
+    @classmethod
+    def promises(cls, config: Any) -> Capabilities:
+        return replace(super().promises(config), body_radius_m=-1.0)
+
+
+def test_a_backend_whose_robots_promise_what_cannot_be_is_refused_by_the_figure() -> None:
+    named = (
+        r"Shrunk: its robots cannot promise that: Capabilities\.body_radius_m is -1\.0, allowed: finite, at least 0$"
+    )
+    with pytest.raises(BackendError, match=named):
+        promised(mission({"backend": f"{__name__}:Shrunk"}))
 
 
 ADMITTED = [

@@ -10,7 +10,7 @@ import pytest
 
 from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities
-from soter.sdk.values import WIDENS, Widens
+from soter.sdk.capabilities import ABOVE_0, WIDENS, Widens
 from tests.sdk.fake import CAPABILITIES, FakeRobot
 
 DECLARED = replace(CAPABILITIES, accel_m_s2=0.5, speed_noise_m_s=0.01, heading_noise_rad=0.01)
@@ -49,9 +49,20 @@ def test_what_is_not_promised_may_be_anything(name: str) -> None:
     assert DECLARED.widened_beyond(silent) is None
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1e-9, pytest.param(10**400, id="vast"), "1.0"])
 @pytest.mark.parametrize("name", [name for name in NAMES if not isinstance(getattr(DECLARED, name), bool)])
-def test_what_is_no_number_is_worse_than_any(name: str) -> None:
-    assert having(name, math.nan).widened_beyond(DECLARED) == name
+def test_what_no_robot_can_promise_is_refused_by_name(name: str, value: object) -> None:
+    with pytest.raises(ValueError, match=rf"^Capabilities\.{name} is .*, allowed: finite, (above|at least) 0$"):
+        having(name, value)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if not isinstance(getattr(DECLARED, name), bool)])
+def test_nothing_may_be_promised_of_noise_and_delays_only(name: str) -> None:
+    if name in ABOVE_0:
+        with pytest.raises(ValueError, match="allowed: finite, above 0"):
+            having(name, 0.0)
+    else:
+        assert getattr(having(name, 0.0), name) == 0.0
 
 
 def test_a_robot_that_brakes_less_than_its_adapter_declares_does_not_get_ready() -> None:

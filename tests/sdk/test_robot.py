@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import cast
 
@@ -180,14 +179,6 @@ def test_a_robot_that_promises_more_than_its_adapter_is_refused_by_name(name: st
         robot.init(1.0)
     with pytest.raises(LifecycleError):
         robot.goto(THERE, SC)
-
-
-@pytest.mark.parametrize("name", ["v_max_m_s", "brake_m_s2", "latency_s", "lease_s"])
-def test_a_capability_that_is_no_number_is_not_narrower(name: str) -> None:
-    robot = FakeRobot()
-    robot.found = capabilities(**{name: math.nan})
-    with pytest.raises(RobotUnavailable, match=name):
-        robot.init(1.0)
 
 
 @pytest.mark.parametrize("name", NARROWER)

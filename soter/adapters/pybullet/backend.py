@@ -28,7 +28,7 @@ from soter.sdk import (
     RobotSpec,
     RobotState,
 )
-from soter.sdk.values import REST_M_S, REST_RAD_S
+from soter.sdk.capabilities import REST_M_S, REST_RAD_S
 from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World, in_window
 
 

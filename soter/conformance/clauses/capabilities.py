@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
 from soter.errors import Unsupported
 from soter.sdk import Capabilities, Controller, GoalStatus
-
-_POSITIVE = ("v_max_m_s", "yaw_rate_max_rad_s", "brake_m_s2", "body_radius_m", "setpoint_period_s", "lease_s")
-
 
 _WAYS = ((0.5, 0.2), (-0.1, 0.4))
 _U_TURNS = ((0.4, 0.4), (-0.4, -0.4)) * 4
@@ -21,7 +17,7 @@ _U_TURNS = ((0.4, 0.4), (-0.4, -0.4)) * 4
 
 @clause("capabilities.sane")
 def sane(bench: Bench) -> None:
-    """`declared` is readable before connecting, finite and free of contradictions."""
+    """`declared` is readable before connecting, free of contradictions, and no narrower than what is found."""
     (robot,) = bench.open_raw().robots
     declared = getattr(robot, "declared", None)
     bench.require(
@@ -29,12 +25,10 @@ def sane(bench: Bench) -> None:
         f"{type(robot).__name__}.declared is a {type(declared).__name__}, expected Capabilities",
     )
     assert isinstance(declared, Capabilities)
-    for name, value in asdict(declared).items():
-        if value is None or isinstance(value, bool):
-            continue
-        bench.require(math.isfinite(value), f"declared.{name} is {value}: a promise must be a finite number")
-        bench.require(value >= 0.0, f"declared.{name} is {value}: it is negative")
-        bench.require(value > 0.0 or name not in _POSITIVE, f"declared.{name} is {value}, allowed: above 0")
+    bench.require(
+        declared.body_radius_m > 0.0,
+        f"declared.body_radius_m is {declared.body_radius_m:g}: every body takes room, so that it has to be above 0",
+    )
     bench.require(
         declared.lease_s > TICK_S,
         f"lease_s is {declared.lease_s:g} s, but it is renewed only every {TICK_S:g} s: the robot would stop between",
