@@ -88,7 +88,7 @@ def _holds(module: RTAModule, condition: str, timing: Timing, base_tick_s: float
         return Finding(module.name, condition, Certainty.PROVED, text)
     edge, horizon_s = module.edge_margin(), module.horizon_s(timing)
     if module.model is None:
-        text = "by predicates: that they look two Delta ahead is the author's word"
+        text = "given by predicates: that they look two Delta ahead is the author's claim"
         return Finding(module.name, condition, Certainty.ASSUMED, text, {"horizon_s": horizon_s})
     reach = module.model.bound(horizon_s)
     noise = 0.0 if module.phi_safe is None else module.phi_safe.noise(timing.noise_m)

@@ -76,10 +76,10 @@ def _crowded(mission: MissionFile, declared: Mapping[int, Declared]) -> list[Fin
     if room == needed:
         return []
     text = (
-        f"{room} places are found for {others + 1} robots {apart_m:g} m apart, {max(refuges.fence_m, 0.0):.3f} m from "
-        f"the fence and {refuges.clearance_m:.3f} m from boxes, where all modules give robots back and a path leads "
-        "home from, and one more than robots is needed to get past each other: they may wait for ever; smaller "
-        "phi_safer_m and phi_safer_inset_m, or fewer robots, would do"
+        f"{room} places are found for {others + 1} robots, {apart_m:g} m apart, {max(refuges.fence_m, 0.0):.3f} m from "
+        f"the fence and {refuges.clearance_m:.3f} m from boxes, where all modules give robots back and from where a "
+        "path leads home; to get past each other robots need one place more than there are robots, else they may wait "
+        "for ever; smaller phi_safer_m and phi_safer_inset_m, or fewer robots, would do"
     )
     return [Finding(COLLISION, "P2b", Certainty.PARTLY, text, {"robots": others + 1, "room": room})]
 

@@ -365,6 +365,6 @@ def _override(raw: dict[str, Any], key: tuple[str, ...], value: object) -> None:
         table = table.setdefault(part, {}) if isinstance(table, dict) else None
     if not isinstance(table, dict) or not key:
         raise ConfigError(
-            "there is no such key: what it stands in is no table", source=COMMAND_LINE, key=dotted(*key) or "''"
+            "there is no such key: its parent is not a table", source=COMMAND_LINE, key=dotted(*key) or "''"
         )
     table[key[-1]] = value

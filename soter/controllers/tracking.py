@@ -58,7 +58,7 @@ class VelocityTracker:
         self.delay_s: Final = tick_s + robot.latency_s + robot.sample_age_s + robot.setpoint_period_s
         self._robot: Final = robot
         self._tick_s: Final = tick_s
-        self._told_s = -math.inf
+        self._last_goal_s = -math.inf
         self._heading_rad = 0.0
         self._stops_at: tuple[float, float] | None = None
 
@@ -77,7 +77,7 @@ class VelocityTracker:
         rests = abs(moves_m_s) <= rest_m_s
         # Extrapolate the sample to now.
         x_m, y_m, heading_rad = _on(own.x_m, own.y_m, own.heading_rad, moves_m_s, own.yaw_rate_rad_s, own.age_s(now_s))
-        passed_s, self._told_s = now_s - self._told_s, now_s
+        passed_s, self._last_goal_s = now_s - self._last_goal_s, now_s
         if passed_s > _PAUSE_S or not (drives or turn_rad_s):
             self._heading_rad, passed_s = heading_rad, self._tick_s
         # Limit the remaining turn, so that a robot that falls behind does not turn on for long.

@@ -106,7 +106,7 @@ class Draft:
             named = enumerate(holes, start=1)
             self.keep_outs += [Outline(f"{outline.name}, hole {n}", hole, outline.height_m) for n, hole in named]
         elif holes:
-            self.note(outline.name, "it has a hole, which robots could not get into; allowed: none in what is kept out")
+            self.note(outline.name, "it has a hole, which robots could not get into; allowed: no holes in a keep-out")
         else:
             self.keep_outs.append(outline)
 
@@ -221,7 +221,7 @@ def _ring(draft: Draft, outline: Outline) -> Ring | None:
         return None
     same = next((a for a, b in pairwise([*corners, corners[0]]) if math.dist(a, b) < _SAME_M), None)
     if same is not None:
-        draft.note(name, f"the corner ({same[0]:g}, {same[1]:g}) stands there twice in a row", line)
+        draft.note(name, f"the corner ({same[0]:g}, {same[1]:g}) occurs twice in a row", line)
         return None
     polygon = shapely.Polygon(corners)
     if (spike := _spike(corners)) is not None:

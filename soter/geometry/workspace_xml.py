@@ -164,7 +164,7 @@ class _Reader:
     def _the(self, tag: str, *, needed: bool = True) -> Element | None:
         found = self.root.all(tag)
         if len(found) > 1:
-            self._note(found[1], f"<{tag}>", f"it stands there {len(found)} times, allowed: once")
+            self._note(found[1], f"<{tag}>", f"it occurs {len(found)} times, allowed: once")
         elif not found and needed:
             self._note(self.root, f"<{_ROOT}>", f"<{tag}> is missing")
         return found[0] if len(found) == 1 else None

@@ -228,7 +228,7 @@ class RTAModule:
         except (IllFormedModule, KeyboardInterrupt):
             raise
         except BaseException as failure:  # foreign code
-            raise IllFormedModule(self.name, "P3", f"it fails when it is asked: {account_of(failure)}") from failure
+            raise IllFormedModule(self.name, "P3", f"it fails when it is evaluated: {account_of(failure)}") from failure
 
     def _check_declaration(self) -> None:
         if not 0.0 < self.delta_s < math.inf:

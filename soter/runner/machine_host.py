@@ -32,9 +32,9 @@ logger = logging.getLogger(__name__)
 SAYS: Final = "mission: "
 """Prefix of lines that a mission logs, and of each line that a mission's own process prints."""
 
-_MOST_SAYINGS: Final = 100
+_MOST_LINES: Final = 100
 """Most lines that a mission may log in one tick; further ones are only counted."""
-_LONGEST_SAYING: Final = 4000
+_LONGEST_LINE: Final = 4000
 
 TASK_PLANNER: Final = "TaskPlanner"
 HERE: Final = "local"
@@ -79,7 +79,7 @@ class MachineHost:
         self._clock: Clock | None = None
         self._part: Final = part
         # Robots of a remote task planner need no mission here: their targets come over the bus.
-        self._plays: Final = make_mission(mission) if part is None or part.planner else None
+        self._mission_code: Final = make_mission(mission) if part is None or part.planner else None
         self._scene: Scene | None = None
         self._said = 0
         self._runtime: Final = Runtime(
@@ -122,7 +122,7 @@ class MachineHost:
             tell = scene.on_transition
             self._runtime.observe(lambda transition: tell(in_words(transition)))
         part, messages, log = self._part, self._mailbox, scene.log
-        if self._plays is not None:
+        if self._mission_code is not None:
             of_all = kits if part is None or messages is None else {
                 robot_id: kits.get(robot_id) or messages.kit(robot_id) for robot_id in sorted(part.homes)
             }  # fmt: skip
@@ -132,7 +132,7 @@ class MachineHost:
                 log.on_ended, self._say,
             )  # fmt: skip
             try:
-                self._plays.start(stage)
+                self._mission_code.start(stage)
             except KeyboardInterrupt:
                 raise
             except BaseException as failure:
@@ -172,8 +172,8 @@ class MachineHost:
                     plan = guard.judge(state, now_s, request, plan)
                 self._runtime.post(machine, PathPlanned(plan.request_id, plan.path, plan.reason, plan.reaches_goal))
         self._runtime.run()
-        if self._said > _MOST_SAYINGS:
-            logger.warning("... and %d more in this tick", self._said - _MOST_SAYINGS)
+        if self._said > _MOST_LINES:
+            logger.warning("... and %d more in this tick", self._said - _MOST_LINES)
         self._said = 0
 
     @property
@@ -190,7 +190,7 @@ class MachineHost:
     @property
     def done(self) -> bool:
         """Whether the mission has nothing left to do; always False if other processes have a part in it."""
-        return self._part is None and self._plays is not None and self._plays.finished
+        return self._part is None and self._mission_code is not None and self._mission_code.finished
 
     @property
     def paths_replaced(self) -> int:
@@ -215,10 +215,10 @@ class MachineHost:
     def _say(self, name: str, text: str) -> None:
         """Log a message of the mission, and record it as a transition of a machine with that name."""
         self._said += 1
-        if self._said > _MOST_SAYINGS:
+        if self._said > _MOST_LINES:
             return
         # Python strings may hold half a surrogate pair, which UTF-8 cannot encode.
-        text, scene = text[:_LONGEST_SAYING].encode("utf-8", "replace").decode(), self._scene
+        text, scene = text[:_LONGEST_LINE].encode("utf-8", "replace").decode(), self._scene
         # A warning, so that it shows without any set-up of logging.
         logger.warning("%s%s", SAYS, text)
         if scene is not None and scene.on_transition is not None:

@@ -149,7 +149,7 @@ class RemoteMissionHost:
         try:
             first = self._end.await_start(START_LIMIT_S)
         except NotBoxed as failure:
-            raise ConfigError(f"the mission cannot be boxed in: {failure}", key="isolation.sandbox") from failure
+            raise ConfigError(f"the mission cannot be sandboxed: {failure}", key="isolation.sandbox") from failure
         except (ChildDied, Garbage) as failure:
             raise RunFailed(f"the mission's process could not be started ({failure})") from failure
         if first is None:
@@ -158,7 +158,7 @@ class RemoteMissionHost:
             )
         if not isinstance(first, Refused):
             if self._child.in_force is not None and self._child.in_force.missing:
-                logger.warning("the mission is boxed in only in part: %s", self._child.in_force.missing)
+                logger.warning("the mission's sandbox is incomplete: %s", self._child.in_force.missing)
             return
         error = first.error()
         raise RunFailed(f"the mission could not be made: {error}") if isinstance(error, RunFailed) else error

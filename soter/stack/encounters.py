@@ -17,7 +17,7 @@ AHEAD_S: Final = 2.0
 """Encounters farther in the future are ignored: they may never come, since robots do not know each other's paths."""
 
 _TURNS_RAD_S: Final = 0.1
-_TOUCHES: Final = 0.95
+_MEETING_SHARE: Final = 0.95
 """Share of the distance that plans keep at which robots meet; below 1, so that passing as planned is no encounter."""
 
 
@@ -44,7 +44,7 @@ def stands(kit: RobotKit, peer: RobotPort) -> bool:
 
 def duty(kit: RobotKit, own: RobotState) -> Duty:
     """Return how a robot has to behave towards the robots that it would meet if it went on as it does now."""
-    apart_m = _TOUCHES * kit.disc_m
+    apart_m = _MEETING_SHARE * kit.disc_m
     met = {robot_id: peer for robot_id, peer in kit.peers.items() if _meets_s(own, peer.state, apart_m) < AHEAD_S}
     if any(robot_id < kit.robot_id and not stands(kit, peer) for robot_id, peer in met.items()):
         return Duty.WAIT

@@ -90,7 +90,7 @@ def check_start(robot: RobotPlace, recovery: RecoveryPlanner) -> None:
         raise IllFormedModule(
             near.module, "A13",
             f"robot {robot.id} starts at ({robot.x_m:g}, {robot.y_m:g}), {floor_m(near.found_m)} m from {near.what}, "
-            f"and a robot that drives away from there needs {ceil_m(near.needed_m)} m; a start so far from it would do",
+            f"and a robot that drives away from there needs {ceil_m(near.needed_m)} m; a start that far away would do",
         )  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def _check_station(robot: RobotPlace, path: ReturnPath, recovery: RecoveryPlanne
         raise IllFormedModule(
             BATTERY, "P2b",
             f"the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) is {floor_m(near.found_m)} m from "
-            f"{near.what}, and a robot that drives there needs {ceil_m(near.needed_m)} m; a station so far from it "
+            f"{near.what}, and a robot that drives there needs {ceil_m(near.needed_m)} m; a station that far away "
             "would do",
         )  # fmt: skip
     box = robot.charger
@@ -136,8 +136,8 @@ def _check_neighbours(robot: RobotPlace, others: Sequence[RobotPlace], recovery:
             raise IllFormedModule(
                 BATTERY, "P2b",
                 f"the charging stations of robots {robot.id} and {other.id} are {floor_m(apart_m)} m apart, and a "
-                f"robot that drives to one needs {ceil_m(needed_m)} m from a robot on the other; stations so far apart "
-                "would do",
+                f"robot that drives to one needs {ceil_m(needed_m)} m from a robot on the other; stations that far "
+                "apart would do",
             )  # fmt: skip
 
 

@@ -42,11 +42,11 @@ class ContractMonitor:
                 robot.log.note(Assumption.CONTRACT, now_s, cause, kept_s - lets_go_s, "s")
 
 
-_STANDS: Final = 0.05
+_FROZEN_CHARGE: Final = 0.05
 """Charge that driving must have used before an unchanged reading counts as frozen: some steps of whole percents."""
 
 
-class _Stood(NamedTuple):
+class _Unchanged(NamedTuple):
     charge: float
     stamp_s: float
     driven_m: float
@@ -56,23 +56,23 @@ class ChargeMonitor:
     """Monitors that the charge of robots falls while they drive. Ticked by the arbiter."""
 
     def __init__(self) -> None:
-        self._stood: dict[int, _Stood] = {}
+        self._unchanged: dict[int, _Unchanged] = {}
 
     def look(self, now_s: float, robots: Mapping[int, RobotSupervisor], docks: Mapping[int, Dock]) -> None:
         """Log every robot that has driven too far for its reported charge to be unchanged."""
         for robot_id, robot in robots.items():
             own = robot.situation.own
-            charge, stood = own.battery, self._stood.get(robot_id)
+            charge, before = own.battery, self._unchanged.get(robot_id)
             if charge is None:
                 continue
             # Any other charge starts a new measurement; one that has risen was charged.
-            if stood is None or charge != stood.charge:
-                self._stood[robot_id] = _Stood(charge, own.stamp_s, 0.0)
+            if before is None or charge != before.charge:
+                self._unchanged[robot_id] = _Unchanged(charge, own.stamp_s, 0.0)
                 continue
-            passed_s = max(own.stamp_s - stood.stamp_s, 0.0)
-            driven_m = stood.driven_m + math.hypot(own.vx_m_s, own.vy_m_s) * passed_s
-            self._stood[robot_id] = _Stood(stood.charge, own.stamp_s, driven_m)
+            passed_s = max(own.stamp_s - before.stamp_s, 0.0)
+            driven_m = before.driven_m + math.hypot(own.vx_m_s, own.vy_m_s) * passed_s
+            self._unchanged[robot_id] = _Unchanged(before.charge, own.stamp_s, driven_m)
             used = driven_m * docks[robot_id].cost_per_m
-            if used > _STANDS:
-                cause = f"the charge has not fallen from {stood.charge:.2f} in {driven_m:.1f} m, which use {used:.2f}"
-                robot.log.note(Assumption.DISCHARGE, now_s, cause, used - _STANDS, "")
+            if used > _FROZEN_CHARGE:
+                cause = f"the charge has not fallen from {before.charge:.2f} in {driven_m:.1f} m, which use {used:.2f}"
+                robot.log.note(Assumption.DISCHARGE, now_s, cause, used - _FROZEN_CHARGE, "")

@@ -22,7 +22,7 @@ _STEP_M: Final = 0.1
 _CELLS: Final = 80
 _STRIPS: Final = 8
 """Number of strips of rows that cover a forbidden area; one rectangle around a disc would waste its corners."""
-_PARTS: Final = (0.5, 1.0)
+_SHARES: Final = (0.5, 1.0)
 """Points of a leg, as shares of its length, at which the margin is evaluated."""
 
 
@@ -167,7 +167,7 @@ def _places(own: Sample, bx_m: float, by_m: float, off_m: float) -> list[tuple[f
     ux, uy = dx / length_m, dy / length_m
     return [
         (own.x_m + part * dx + ahead_m * ux - left_m * uy, own.y_m + part * dy + ahead_m * uy + left_m * ux)
-        for part in _PARTS
+        for part in _SHARES
         for ahead_m, left_m in ((0.0, 0.0), (0.0, off_m), (0.0, -off_m), (off_m, 0.0))
     ]
 

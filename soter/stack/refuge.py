@@ -116,7 +116,7 @@ class RefugeFinder:
         return most
 
     def _reached(self, leads_back: Callable[[float, float], bool]) -> NDArray[np.bool_]:
-        """Return the refuges that free cells connect to a refuge with a path back, of the refuges that are tried."""
+        """Return the refuges that are connected, through refuges, to a tried one from which a path leads back."""
         xs, ys, chosen = self._terrain.cell_x.ravel(), self._terrain.cell_y.ravel(), np.flatnonzero(self.static)
         reached = np.zeros(self.static.shape, dtype=np.bool_)
         for at in chosen[:: max(1, chosen.size // SEEDS)].tolist():

@@ -29,7 +29,7 @@ LOOK_S: Final = 1.0
 _BACK_M: Final = 1.0
 """In a site the path is looked for again this far from the last such place; nearer, the robot goes back there."""
 
-_FARTHER: Final = 0.025
+_BACK_SHARE: Final = 0.025
 """Or at this share of the path's length: far from the station a longer way back matters less."""
 
 
@@ -180,7 +180,7 @@ class ReturnPath:
         """Return the distance from an anchor within which the path need not be looked for again."""
         if anchor is None or self._terrain.convex:
             return self._cap_m
-        return max(self._cap_m, _BACK_M, _FARTHER * anchor.length_m)
+        return max(self._cap_m, _BACK_M, _BACK_SHARE * anchor.length_m)
 
     def _radius_m(self, here: Point, entry: Point, anchor: _Anchor | None) -> float:
         """Return the radius around `here` within which all places see the entry: clearance falls a metre per metre."""

@@ -272,7 +272,7 @@ class RightOfWay:
                 module = self._module(peer, COLLISION) or next(filter(_of_pairs, peer.modules), None)
                 if module is not None:
                     held[peer_id] = module.name
-                    module.take(now_s, f"robot {robot_id} has waited {WAIT_S:g} s for it to keep away")
+                    module.take(now_s, f"robot {robot_id} has waited {WAIT_S:g} s for this one to keep away")
         self._held = held
 
     def _waits_since_s(self, now_s: float, robot: RobotSupervisor) -> float:

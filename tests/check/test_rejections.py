@@ -156,7 +156,7 @@ DECLARED: dict[str, tuple[str, RTAModule]] = {
         module(sc=UNNAMED),
     ),
     "the unit of phi_safe is 5": ("P3", module(phi_safe=InFives())),
-    "it fails when it is asked": ("P3", module(phi_safer=EastOf())),
+    "it fails when it is evaluated": ("P3", module(phi_safer=EastOf())),
     "at the edge of phi_safer it is only 0.010 m": ("P3", module(phi_safer=Above(0.01))),
 }
 # The others, which need more than a declaration.

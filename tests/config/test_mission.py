@@ -112,7 +112,7 @@ def test_an_override_mends_the_file() -> None:
     [
         ({"seed": -1}, "command line: seed: it is -1, allowed: at least 0"),
         ({"sed": 1}, "command line: sed: unknown key, did you mean 'seed'?; allowed: mission, "),
-        ({"seed.x": 1}, "command line: seed.x: there is no such key: what it stands in is no table"),
+        ({"seed.x": 1}, "command line: seed.x: there is no such key: its parent is not a table"),
         ({"": 1}, "command line: '': there is no such key"),
         ({"rta.colision.delta_s": 1}, "command line: rta.colision: unknown key, did you mean 'collision'?; allowed: "),
         ({"rta.collision.delta_s": 0.07}, "command line: rta.collision.delta_s: it is 0.07, allowed: a multiple of"),

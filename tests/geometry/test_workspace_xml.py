@@ -125,7 +125,7 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     "no chargers": (xml(chargers=""), ["room.xml:1: <configuration>: <charging_stations> is missing"]),
     "two dimensions": (
         xml(dimension=DIMENSION + "\n" + DIMENSION),
-        ["room.xml:3: <dimension>: it stands there 2 times, allowed: once"],
+        ["room.xml:3: <dimension>: it occurs 2 times, allowed: once"],
     ),
     "no start": (xml().replace(START_1, ""), ["room.xml:4: <robot>: it has 0 <start>, allowed: exactly one"]),
     "two starts": (xml().replace(START_1, 2 * START_1), ["room.xml:4: <robot>: it has 2 <start>, allowed: exactly"]),

@@ -48,7 +48,7 @@ def test_a_rule_that_cannot_be_asked(asked: str, answer: object, monkeypatch: py
         return answer
 
     monkeypatch.setattr(Above, asked, answers)
-    assert "it fails when it is asked" in str(refusal(module()))
+    assert "it fails when it is evaluated" in str(refusal(module()))
 
 
 @pytest.mark.parametrize("delta_s", [0.0, -0.1, math.nan, math.inf])

@@ -151,7 +151,7 @@ class Simulation:
         with ExitStack() as stack:
             selector = self._selector = stack.enter_context(selectors.DefaultSelector())
             self.world: Final = stack.enter_context(World(workspace, robots, _engine(settings), settings.limits))
-            self._stations: Final = [self._man(spec.id, kind) for spec in robots]
+            self._stations: Final = [self._add_autopilot(spec.id, kind) for spec in robots]
             self.autopilots: Final = [station.autopilot for station in self._stations]
             for port in settings.udp:
                 self._add(stack, UdpLink(selector, self._hear, port, settings.key))
@@ -204,7 +204,7 @@ class Simulation:
         """Close every socket, and free the world."""
         self._stack.close()
 
-    def _man(self, robot_id: int, kind: Kind) -> Station:
+    def _add_autopilot(self, robot_id: int, kind: Kind) -> Station:
         """Put an autopilot on a robot."""
         settings, transmit = self._settings, partial(self._transmit, robot_id)
         world = self.world

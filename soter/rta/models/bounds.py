@@ -137,7 +137,7 @@ class DischargeBound(ReachModel):
         return before.battery - after.battery - self._allowed(before, after, noise_m), "of a charge"
 
     def _allowed(self, before: Sample, after: Sample, noise_m: float) -> float:
-        # Each of the two positions may be wrong by the noise, so the cost may be off by that much driving.
+        # Both positions may be wrong by the noise, so the charge used may be off by driving that far.
         unsure = 2.0 * noise_m * self.cost_per_m + _ROUNDING_CHARGE
         return self.drive_per_s * (after.stamp_s - before.stamp_s) + unsure
 

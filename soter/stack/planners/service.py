@@ -93,7 +93,7 @@ class Lane:
             except NotBoxed as error:
                 self.close()
                 raise PlannerUnavailable(
-                    f"planner '{name}' cannot be boxed in, as isolation.sandbox requires: {error}"
+                    f"planner '{name}' cannot be sandboxed, as isolation.sandbox requires: {error}"
                 ) from error
             except (ChildDied, Garbage) as error:
                 self.close()

@@ -52,7 +52,7 @@ def _points(path: Any) -> tuple[Point, ...]:
         try:
             x, y = float(point[0]), float(point[1])
         except OverflowError:
-            raise Garbage("a waypoint beyond all numbers") from None
+            raise Garbage("a waypoint with a number too large for a float") from None
         if not (math.isfinite(x) and math.isfinite(y)):
             raise Garbage("a waypoint that is not finite")
         points.append((x, y))
@@ -115,7 +115,7 @@ def _decoded(decoder: msgspec.json.Decoder[T], data: bytes) -> T:
     try:
         return decoder.decode(data)
     except (ValueError, RecursionError) as failure:
-        raise Garbage(f"a message that was not agreed: {failure}") from None
+        raise Garbage(f"a malformed message: {failure}") from None
 
 
 MAX_REQUEST_BYTES = 1 << 18

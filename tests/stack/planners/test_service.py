@@ -94,7 +94,7 @@ def test_exception_costs_the_plan_and_nothing_else(opened: Open, planner: str, r
         ("id of a type", "garbage: the answer to another request"),
         ("not a number", "garbage: a waypoint that is not finite"),
         ("infinite", "garbage: a waypoint that is not finite"),
-        ("beyond floats", "garbage: a waypoint beyond all numbers"),
+        ("beyond floats", "garbage: a waypoint with a number too large for a float"),
         ("too long", "garbage: 1001 waypoints, allowed are 1000"),
         ("endless", "garbage: a path of type repeat"),
         ("words", "garbage: a waypoint that is not a pair of numbers"),
@@ -160,7 +160,7 @@ def test_memory_is_limited(opened: Open) -> None:
 
 def test_forged_answer_is_garbage(opened: Open) -> None:
     service = opened(f"{HERE}:WritesToTheSocket")
-    assert "garbage: a message that was not agreed" in str(answer(service, 1, BAD).reason)
+    assert "garbage: a malformed message" in str(answer(service, 1, BAD).reason)
     assert answer(service, 2, GOOD).path == (GOOD,)
     assert service.incidents
 
