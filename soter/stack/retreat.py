@@ -61,7 +61,8 @@ class Retreat(SafeController):
         self.leave: Path | None = None
         self.aside = False
         self._legs: list[Point] = []
-        self._looked_s = -math.inf
+        self._turn_s: Final = TURNS * recovery.turn_s
+        self._looked_s, self._pause_s = -math.inf, LOOK_AGAIN_S
         # The first driver of a run is never engaged by a switch.
         self._moved_s = math.inf
         self._homewards = False
@@ -83,7 +84,7 @@ class Retreat(SafeController):
         if leg is not None or self.recovery.moves(situation.own) or self._dock.docked(situation):
             self._drove_home_s = situation.now_s
         elif situation.now_s - self._drove_home_s > self.patience_s(situation):
-            self._aside_until_s = situation.now_s + ASIDE_S
+            self._aside_until_s = situation.now_s + max(ASIDE_S, 2.0 * self._turn_s)
             self._legs = []
             self._looked_s = -math.inf
         return leg
@@ -100,12 +101,12 @@ class Retreat(SafeController):
         """Return the next certified leg to a refuge."""
         # All safe controllers of a robot share the finder.
         self._refuges.leave, self._refuges.aside = self.leave, self.aside
-        if situation.now_s - self._looked_s >= LOOK_AGAIN_S and not self._settled(situation):
-            self._looked_s = situation.now_s
+        if situation.now_s - self._looked_s >= self._pause_s and not self._settled(situation):
+            self._looked_s, self._pause_s = situation.now_s, LOOK_AGAIN_S
             self._legs = self.way(situation)
         if self._stuck(situation):
             # Until it looks again, get away from whatever is in the way: another place has another path.
-            self._legs = []
+            self._legs, self._pause_s = [], max(LOOK_AGAIN_S, self._turn_s)
             self._looked_s = self._moved_s = situation.now_s
         if self._legs:
             self._homewards = False
@@ -143,16 +144,16 @@ class Retreat(SafeController):
         there = bool(self._legs) and math.dist(self._legs[-1], (own.x_m, own.y_m)) < AT_CORNER_M
         if there or not self._legs or self.recovery.moves(own) or math.isinf(self._moved_s):
             self._moved_s = situation.now_s
-        return situation.now_s - self._moved_s > max(STUCK_S, TURNS * self.recovery.turn_s)
+        return situation.now_s - self._moved_s > max(STUCK_S, self._turn_s)
 
     def _settled(self, situation: Situation) -> bool:
         """Return whether the path is still good: not empty, with no peer near its end, and the robot gets along it."""
         if not self._legs or not self._refuges.good(situation, self._legs[-1], self._peer_m):
             return False
-        own, recovery = situation.own, self.recovery
+        own = situation.own
         # From another heading it may find another refuge, turn to that, and so on for ever.
         return (
-            situation.now_s - self._looked_s < TURNS * recovery.turn_s
-            or recovery.moves(own)
+            situation.now_s - self._looked_s < self._turn_s
+            or self.recovery.moves(own)
             or math.hypot(self._legs[-1][0] - own.x_m, self._legs[-1][1] - own.y_m) < AT_CORNER_M
         )
