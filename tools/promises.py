@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from soter.sdk.values import WIDENS, Widens
+from soter.sdk.capabilities import WIDENS, Widens
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "conformance.md"
 BEGIN: Final = "<!-- measured -->"

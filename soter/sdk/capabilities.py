@@ -95,10 +95,10 @@ class Capabilities:
         """
         for name in (*ABOVE_0, *_AT_LEAST_0):
             value: Any = getattr(self, name)
-            above = name in ABOVE_0
+            real, above = isinstance(value, Real), name in ABOVE_0
             if value is None and name in _UNPROMISED:
                 continue
-            if not isinstance(value, Real) or not is_finite(value) or value < 0.0 or (above and value == 0.0):
+            if not real or not is_finite(value) or value < 0.0 or (above and value == 0.0):
                 least = "above" if above else "at least"
                 raise ValueError(f"Capabilities.{name} is {value}, allowed: finite, {least} 0")
 
