@@ -20,6 +20,7 @@ _FLUSHES_S: Final = 25.0
 _FLASH_S: Final = 0.25
 _SEES_M: Final = 0.45
 _PUSH: Final = 0.12
+_RAMP_M_S: Final = 0.01
 
 
 def _tells_caps_that_change(robot: Any, goal: Goal) -> None:
@@ -84,6 +85,21 @@ def _stands_still(robot: Any, state: State, speed: float, rate: float) -> tuple[
     return last[0], last[1]
 
 
+def _ends_its_ramp(when: Callable[[Any], bool]) -> Callable[..., tuple[float, float]]:
+    """Return a control that gains speed for two periods more where a stop of some kind comes while it does."""
+
+    def control(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+        ramp = memory(robot, "ramp", lambda: [0.0, 0])
+        gains = abs(ramp[0]) - abs(state[4]) > _RAMP_M_S
+        ramp[1] = ramp[1] + 1 if gains and speed == 0.0 and when(robot) else 0
+        if 0 < ramp[1] <= 2:
+            return ramp[0], rate
+        ramp[0] = speed
+        return speed, rate
+
+    return control
+
+
 def _more_than_full(robot: Any, state: RobotState) -> RobotState:
     """Say 101 % once it has come from less to all that it takes."""
     was_low = memory(robot, "was low", lambda: [False])
@@ -124,6 +140,15 @@ FIELD: Final[tuple[type[Broken], ...]] = (
            "keeps away by itself", _connect=_keeps_away),
     edited("WaitsForItsFlash", "Drives on as it did for 0.25 s every 25 s, and hears and talks meanwhile.",
            "endurance.pace", "what drives stands still", _connect=with_control(_stands_still)),
+    edited("EndsItsRamp", "Ends the ramp on which it gains speed, for up to 0.1 s, before it stops.",
+           "goal.cancel_early", "a stop waits until .*, or until a ramp",
+           _connect=with_control(_ends_its_ramp(lambda _: True))),
+    edited("EndsItsRampFirst", "Ends the ramp on which it gains speed, for up to 0.1 s, before a switch counts.",
+           "goal.cancel_early", "a switch waits",
+           _connect=with_control(_ends_its_ramp(lambda robot: robot._mux.in_charge is Controller.SC))),
+    edited("EndsItsRampAlone", "Ends the ramp on which it gains speed, for up to 0.1 s, when its lease has ended.",
+           "goal.cancel_early", "the end of its lease waits",
+           _connect=with_control(_ends_its_ramp(lambda robot: robot._mux.command is not None))),
     sampled("MoreThanFull", "Says a charge of 101 % once it is full.", "state.full", "101 %", _more_than_full),
 )  # fmt: skip
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 
 from soter.conformance.bench import SETTLE_S, Bench
@@ -11,7 +12,7 @@ from soter.conformance.driver import TICK_S
 from soter.conformance.track import TrackSample, quantile, turn
 from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
-from soter.sdk import Controller, GoalStatus, Waypoint
+from soter.sdk import Controller, Goal, GoalStatus, Robot, Waypoint
 
 _MANY = 300
 _REPLACED = 4
@@ -24,6 +25,11 @@ _STARTS_S = 0.1
 _SEES_S = 0.2
 _AWAY_M = 0.05
 _WIDE = 8.0
+_EARLY_STOPS: tuple[tuple[str, str, Callable[[Robot, Goal], object]], ...] = (
+    ("cancel_early_s", "a stop", lambda _, goal: goal.cancel()),
+    ("switch_early_s", "a switch", lambda robot, _: robot.switch_ac_sc(Controller.SC, "conformance")),
+    ("lease_early_s", "the end of its lease", lambda robot, _: robot.renew_lease()),
+)
 
 
 @clause("goal.ids")
@@ -151,23 +157,31 @@ def of_sc(bench: Bench) -> None:
 
 @clause("goal.cancel_early")
 def cancel_early(bench: Bench) -> None:
-    """A cancel stops a robot that is still gaining speed as soon as one that drives evenly."""
+    """A cancel, a switch, or the end of its lease, stops a robot that gains speed as soon as one that drives evenly."""
     robot, caps = bench.open_one(), bench.caps
-    begins_s = []
-    for ahead in (0.8, -0.8) * _EARLY:
-        goal = robot.goto(bench.place(robot, ahead), Controller.AC)
-        bench.run(bench.way_s(), lambda: bench.tracks[robot.id][-1].speed_m_s > _GAINS * caps.v_max_m_s, closely=True)
-        called_s = bench.now_s
-        goal.cancel()
-        bench.run(SETTLE_S, closely=True)
-        seen = bench.since(robot, called_s)
-        fastest = max(seen, key=lambda each: each.speed_m_s)
-        begins_s.append(fastest.at_s - called_s)
-    # The fastest sample is the last one before it begins to brake.
-    bench.measure(
-        "cancel_early_s", quantile(begins_s, 0.5), caps.latency_s + caps.setpoint_period_s, bench.fit_s + _SAMPLE_S,
-        "a stop waits until the robot is up to speed", spread=begins_s,
-    )  # fmt: skip
+    # In process there is a sample at the very moment at which it begins to brake.
+    late_s = caps.latency_s + (0.0 if caps.in_process else caps.setpoint_period_s)
+    for name, what, call in _EARLY_STOPS:
+        renews, begins_s = name != "lease_early_s", []
+        for ahead in (0.8, -0.8) * (_EARLY if caps.in_process or name == "cancel_early_s" else 1):
+            robot.switch_ac_sc(Controller.AC, "conformance")
+            goal = robot.goto(bench.place(robot, ahead), Controller.AC)
+            bench.run(
+                bench.way_s(), lambda: bench.tracks[robot.id][-1].speed_m_s > _GAINS * caps.v_max_m_s, closely=True
+            )
+            called_s = bench.now_s
+            call(robot, goal)
+            bench.run(SETTLE_S, renew=renews, closely=True)
+            goal.cancel()
+            seen = bench.since(robot, called_s)
+            fastest = max(seen, key=lambda each: each.speed_m_s)
+            begins_s.append(fastest.at_s - called_s)
+        # The fastest sample is the last one before it begins to brake.
+        bench.measure(
+            name, quantile(begins_s, 0.5), late_s + (0.0 if renews else caps.lease_s), bench.fit_s + _SAMPLE_S,
+            f"{what} waits until the robot is up to speed, or until a ramp that has begun is at its end",
+            spread=begins_s,
+        )  # fmt: skip
     robot.goto(bench.place(robot, 0.8), Controller.AC).cancel()
     bench.run(caps.latency_s + 2 * TICK_S)
     bench.expect_still(robot, 1.0, "a cancel right after its goto is lost: it stops only what moves already")
