@@ -109,8 +109,8 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     "speed_noise_m_s": (
         ("truth.bounds.velocity", "state.velocity", "bounds.rest"),
         (
-            "means over a window against the truth, and against positions; where nothing is promised 5 % of v_max_m_s; "
-            "and what is shown at rest in 8 s, where nothing is promised 2 %"
+            "means over a window against the truth, and against positions, also at a tenth of v_max_m_s; where nothing "
+            "is promised 5 % of v_max_m_s; and what is shown at rest in 8 s, where nothing is promised 2 %"
         ),
     ),
     "heading_noise_rad": (

@@ -21,6 +21,7 @@ _FLASH_S: Final = 0.25
 _SEES_M: Final = 0.45
 _PUSH: Final = 0.12
 _RAMP_M_S: Final = 0.01
+_DEAD_M_S: Final = 0.03
 
 
 def _tells_caps_that_change(robot: Any, goal: Goal) -> None:
@@ -100,6 +101,10 @@ def _ends_its_ramp(when: Callable[[Any], bool]) -> Callable[..., tuple[float, fl
     return control
 
 
+def _none_for_little(_: Any, state: RobotState) -> RobotState:
+    return state if math.hypot(state.vx_m_s, state.vy_m_s) >= _DEAD_M_S else state._replace(vx_m_s=0.0, vy_m_s=0.0)
+
+
 def _more_than_full(robot: Any, state: RobotState) -> RobotState:
     """Say 101 % once it has come from less to all that it takes."""
     was_low = memory(robot, "was low", lambda: [False])
@@ -149,6 +154,8 @@ FIELD: Final[tuple[type[Broken], ...]] = (
     edited("EndsItsRampAlone", "Ends the ramp on which it gains speed, for up to 0.1 s, when its lease has ended.",
            "goal.cancel_early", "the end of its lease waits",
            _connect=with_control(_ends_its_ramp(lambda robot: robot._mux.command is not None))),
+    sampled("NoneForLittle", "Says that it stands while it is slower than 0.03 m/s.", "state.velocity", "who creeps",
+            _none_for_little),
     sampled("MoreThanFull", "Says a charge of 101 % once it is full.", "state.full", "101 %", _more_than_full),
 )  # fmt: skip
 

@@ -31,6 +31,7 @@ _VELOCITY = 0.05
 _TURNED_RAD = 0.01
 _ROUND_RAD = 0.6
 _STOPS, _STOP_OFF_M = 2, 2e-4
+_CREEPS, _CREEPS_S = 0.1, 3.0
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
 
@@ -185,6 +186,7 @@ def velocity(bench: Bench) -> None:
     robot = _drive_about(bench)
     moves_as_said(bench, bench.tracks[robot.id])
     _brakes_as_said(bench, robot)
+    _creeps_as_said(bench, robot)
 
 
 def _brakes_as_said(bench: Bench, robot: Robot) -> None:
@@ -210,6 +212,29 @@ def _brakes_as_said(bench: Bench, robot: Robot) -> None:
         bench.read_s + off_m / caps.v_max_m_s,
         f"told to stop it runs on by {ran_m:.3f} m, and velocities say {said_m:.3f} m: they are what it was told, "
         "filtered, or those of an earlier sample",
+    )  # fmt: skip
+
+
+def _creeps_as_said(bench: Bench, robot: Robot) -> None:
+    """Judge whether velocities are how places change while a robot is slow."""
+    caps = bench.caps
+    goal = robot.goto(bench.place(robot, -0.8, speed_m_s=_CREEPS * caps.v_max_m_s), Controller.AC)
+    bench.run(SETTLE_S)
+    began_s = bench.now_s
+    bench.run(_CREEPS_S)
+    goal.cancel()
+    seen = bench.since(robot, began_s)
+    moved_m = seen[-1].x_m - seen[0].x_m, seen[-1].y_m - seen[0].y_m
+    said_m = [
+        sum((getattr(a.state, name) + getattr(b.state, name)) / 2.0 * (b.at_s - a.at_s) for a, b in pairwise(seen))
+        for name in ("vx_m_s", "vy_m_s")
+    ]
+    lasts_s = seen[-1].at_s - seen[0].at_s
+    bench.measure(
+        "creeping_m_s", math.dist(moved_m, said_m) / lasts_s,
+        _VELOCITY * caps.v_max_m_s if caps.speed_noise_m_s is None else caps.speed_noise_m_s, bench.off_m / lasts_s,
+        f"at {_CREEPS:g} of its top speed it moves by {math.hypot(*moved_m):.3f} m, and velocities say "
+        f"{math.hypot(*said_m):.3f} m: a small speed is said to be none, so that who creeps seems to stand",
     )  # fmt: skip
 
 
