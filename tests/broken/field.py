@@ -101,6 +101,21 @@ def _ends_its_ramp(when: Callable[[Any], bool]) -> Callable[..., tuple[float, fl
     return control
 
 
+def _spins(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Count the way of wheels that were told to drive while something holds the robot."""
+    spun = memory(robot, "spun", lambda: [0.0, 0.0, 0.0])
+    if state[4] == 0.0:
+        way_m = spun[2] * robot._world.period_s
+        spun[:2] = spun[0] + way_m * math.cos(state[3]), spun[1] + way_m * math.sin(state[3])
+    spun[2] = speed
+    return speed, rate
+
+
+def _with_what_it_spun(robot: Any) -> RobotState:
+    state, (x_m, y_m, _) = robot._honest(), memory(robot, "spun", lambda: [0.0, 0.0, 0.0])
+    return state._replace(x_m=state.x_m + x_m, y_m=state.y_m + y_m)  # type: ignore[no-any-return]
+
+
 def _none_for_little(_: Any, state: RobotState) -> RobotState:
     return state if math.hypot(state.vx_m_s, state.vy_m_s) >= _DEAD_M_S else state._replace(vx_m_s=0.0, vy_m_s=0.0)
 
@@ -156,6 +171,8 @@ FIELD: Final[tuple[type[Broken], ...]] = (
            _connect=with_control(_ends_its_ramp(lambda robot: robot._mux.command is not None))),
     sampled("NoneForLittle", "Says that it stands while it is slower than 0.03 m/s.", "state.velocity", "who creeps",
             _none_for_little),
+    edited("SpinningWheels", "Counts the way of wheels that spin while something stands in its way.",
+           "truth.bounds.body", "wheels that spin", _connect=with_control(_spins), _sample=_with_what_it_spun),
     sampled("MoreThanFull", "Says a charge of 101 % once it is full.", "state.full", "101 %", _more_than_full),
 )  # fmt: skip
 

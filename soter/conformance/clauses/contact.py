@@ -18,11 +18,12 @@ _TOUCH_M = 0.003
 _UNTOLD_M = 0.02
 _SETS_OUT_M = 0.15
 _BEYOND_M = 0.6
+_PUSHES_S = 2.0
 
 
 @clause("truth.bounds.body", tier=Tier.TRUTH)
 def body(bench: Bench) -> None:
-    """Two robots set out for one place, pass each other straight on, and touch no earlier than body_radius_m allows."""
+    """Two robots set out for one place, pass straight on, touch no earlier than promised, and know where they push."""
     if not bench.harness.contacts:
         raise NotTested("not declared: the harness's attribute 'contacts': real robots are not driven into each other")
     first, second = bench.open(2)
@@ -60,6 +61,8 @@ def body(bench: Bench) -> None:
     goal = first.goto(slowly, Controller.AC)
     bench.run(2.0 * bench.way_s(), lambda: truth.report().contacts > 0 or apart_m() < radius_m or not goal.active)
     touched_m = apart_m() if truth.report().contacts else 0.0
+    if touched_m:
+        bench.run(_PUSHES_S)
     goal.cancel()
     at = {robot: bench.true_pose(robot.id)[:2] for robot in (first, second)}
     slack_m = _TOUCH_M + _SLOW * bench.caps.v_max_m_s * (TICK_S if not bench.caps.in_process else 0.0)
@@ -72,6 +75,12 @@ def body(bench: Bench) -> None:
         "after_contact_m", max(math.dist(place, bench.true_pose(robot.id)[:2]) for robot, place in at.items()),
         2.0 * _SLOW * bench.caps.v_max_m_s * bench.orphaned_s(), bench.still_m,
         "after they touched, a robot that has no goal any more moves: its bumper makes it back off, and heeds no lease",
+    )  # fmt: skip
+    bench.measure(
+        "after_pushing_m",
+        max(math.dist(bench.look(robot).state[3:5], bench.true_pose(robot.id)[:2]) for robot in at),
+        bench.caps.position_noise_m, bench.off_m,
+        "after it has pushed at what stands in its way its place is another one: it counts the way of wheels that spin",
     )  # fmt: skip
 
 
