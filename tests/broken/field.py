@@ -101,6 +101,14 @@ def _ends_its_ramp(when: Callable[[Any], bool]) -> Callable[..., tuple[float, fl
     return control
 
 
+def _names_the_last(robot: Any, state: RobotState) -> RobotState:
+    """Name a goal that a hand-over has ended until there is another one."""
+    named = memory(robot, "named", lambda: [None, None])
+    if state.goal_id is not None:
+        named[:] = state.goal_id, state.controller
+    return state if named[1] in (None, state.controller) else state._replace(goal_id=named[0])
+
+
 def _spins(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
     """Count the way of wheels that were told to drive while something holds the robot."""
     spun = memory(robot, "spun", lambda: [0.0, 0.0, 0.0])
@@ -169,6 +177,8 @@ FIELD: Final[tuple[type[Broken], ...]] = (
     edited("EndsItsRampAlone", "Ends the ramp on which it gains speed, for up to 0.1 s, when its lease has ended.",
            "goal.cancel_early", "the end of its lease waits",
            _connect=with_control(_ends_its_ramp(lambda robot: robot._mux.command is not None))),
+    sampled("NamesThePreempted", "Names a goal that a hand-over has ended until it is given another one.",
+            "endurance.anything", "cancelled or pre-empted", _names_the_last),
     sampled("NoneForLittle", "Says that it stands while it is slower than 0.03 m/s.", "state.velocity", "who creeps",
             _none_for_little),
     edited("SpinningWheels", "Counts the way of wheels that spin while something stands in its way.",

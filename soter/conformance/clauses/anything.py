@@ -136,6 +136,8 @@ class _Told:
             self._require(driver in (None, robot.in_charge), f"says that {driver} is in charge")
             if goal is not None and self._dropped:
                 self._require(not goal.active, f"has a goal {goal.id} that is ACTIVE although it was cancelled")
+            if goal is None or self._dropped:
+                self._require(named is None, f"says that it works on goal {named}, which was cancelled or pre-empted")
             if goal is not None and self._wanted:
                 self._require(named in (None, goal.id), f"says that it works on goal {named}, not on {goal.id}")
         if self._wanted:
