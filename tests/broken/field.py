@@ -22,6 +22,9 @@ _SEES_M: Final = 0.45
 _PUSH: Final = 0.12
 _RAMP_M_S: Final = 0.01
 _DEAD_M_S: Final = 0.03
+_OUTAGE_S: Final = 0.5
+_HOLDS_BACK_S: Final = 3.0
+_EVERY_S: Final = 0.4
 
 
 def _tells_caps_that_change(robot: Any, goal: Goal) -> None:
@@ -155,6 +158,18 @@ def _renews_while_it_drives(self: Any) -> None:
         WireRobot._renew_lease(self)
 
 
+def _holds_back(self: Any, **changes: Any) -> None:
+    """Send no more often than each 0.4 s for 3 s after an outage."""
+    held, now_s = memory(self, "held", lambda: [-math.inf, -math.inf]), self.clock.now()
+    if self.latest is not None and now_s - self.latest.stamp_s > _OUTAGE_S:
+        held[0] = now_s + _HOLDS_BACK_S
+    if now_s < held[0]:
+        if now_s < held[1]:
+            return
+        held[1] = now_s + _EVERY_S
+    WireRobot.want(self, **changes)
+
+
 FIELD: Final[tuple[type[Broken], ...]] = (
     edited("CapsThatChange", "Sends a speed cap if it has changed, and the vehicle forgets it at each hand-over.",
            "goto.speed_cap", "what has changed only", _send_goto=_tells_caps_that_change, _hand_over=_forgets_its_cap),
@@ -191,6 +206,8 @@ FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
            control=_sleeps),
     wired("GivesUpAfterAWhile", "Gives a link up for good once it was silent for 8 s.", "link.no_success",
           "gives up for good", _sample=_gives_up),
+    wired("HoldsBack", "Tells the robot something every 0.4 s only, for 3 s after an outage of the link.",
+          "link.reconnects", "holds back", want=_holds_back),
     wired("TellsTheNewest", "Says how it is to the program that connected last.", "authority.one_program",
           "who spoke last", __init__=_tells_the_newest),
     wired("RenewsWhileItDrives", "Renews no lease while no goal is under way.", "authority.one_program",
