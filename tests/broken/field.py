@@ -170,6 +170,20 @@ def _holds_back(self: Any, **changes: Any) -> None:
     WireRobot.want(self, **changes)
 
 
+def _restores(self: Any, **changes: Any) -> None:
+    """Say on when the link is back that who was in charge when it broke is; until the next hand-over."""
+    saved, now_s, send = memory(self, "saved", lambda: [None]), self.clock.now(), self.down.send
+    silent = self.latest is not None and now_s - self.latest.stamp_s > _OUTAGE_S
+    if silent and saved[0] is None:
+        saved[0] = self.wanted.in_charge
+    elif not silent and "in_charge" in changes:
+        saved[0] = None
+    if saved[0] is not None:
+        self.down.send = lambda now_s, intent: send(now_s, intent._replace(in_charge=saved[0]))
+    WireRobot.want(self, **changes)
+    self.down.__dict__.pop("send", None)
+
+
 FIELD: Final[tuple[type[Broken], ...]] = (
     edited("CapsThatChange", "Sends a speed cap if it has changed, and the vehicle forgets it at each hand-over.",
            "goto.speed_cap", "what has changed only", _send_goto=_tells_caps_that_change, _hand_over=_forgets_its_cap),
@@ -208,6 +222,8 @@ FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           "gives up for good", _sample=_gives_up),
     wired("HoldsBack", "Tells the robot something every 0.4 s only, for 3 s after an outage of the link.",
           "link.reconnects", "holds back", want=_holds_back),
+    wired("RestoresWhoWasInCharge", "Restores who was in charge when the link broke once it is back.", "link.stops",
+          "undone by what is restored", want=_restores),
     wired("TellsTheNewest", "Says how it is to the program that connected last.", "authority.one_program",
           "who spoke last", __init__=_tells_the_newest),
     wired("RenewsWhileItDrives", "Renews no lease while no goal is under way.", "authority.one_program",

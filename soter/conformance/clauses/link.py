@@ -102,7 +102,7 @@ def no_success(bench: Bench) -> None:
 
 @clause("link.stops", tier=Tier.WIRE, hooks=("cut",))
 def stops(bench: Bench) -> None:
-    """A robot whose link is cut stops on its own within the lease."""
+    """A robot whose link is cut stops on its own within the lease, and hears of a switch made meanwhile."""
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
     before = bench.look(robot)
@@ -120,6 +120,11 @@ def stops(bench: Bench) -> None:
         "cut_run_m", run_m, allowed_m, bench.still_m,
         "the vehicle drives on without SOTER: the lease must live on the vehicle's side of the link",
     )  # fmt: skip
+    lost = "the switch made while the link was cut is lost, or undone by what is restored when the link is back"
+    bench.run(caps.latency_s + caps.sample_age_s + caps.jitter_s + 2 * TICK_S)
+    found = bench.look(robot).state.controller
+    bench.require(found in (Controller.SC, None), f"the robot reports {found} in charge, expected SC: {lost}")
+    bench.go(robot, bench.place(robot, 0.1), Controller.SC, cause=lost)
 
 
 @clause("link.reconnects", tier=Tier.WIRE, hooks=("cut",))
