@@ -105,6 +105,9 @@ class Store:
             raise ConfigError("there is no such store of a campaign", source=str(path))
         try:
             self._sql: Final = sqlite3.connect(path, isolation_level=None)
+        except sqlite3.Error as failure:
+            raise self._cannot_be_opened(failure) from failure
+        try:
             if write:
                 self._lock_it()
             if is_new:
@@ -113,10 +116,14 @@ class Store:
                 self._sql.execute(f"PRAGMA user_version = {VERSION}")
             kinds = [self._sql.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")]
         except (sqlite3.Error, OSError) as failure:
-            raise ConfigError(f"it cannot be opened as a store of a campaign: {failure}", source=str(path)) from failure
+            self.close()
+            raise self._cannot_be_opened(failure) from failure
         if kinds != [_APPLICATION, VERSION]:
             self.close()
             raise ConfigError("it is no store of a campaign, or one of another version", source=str(path))
+
+    def _cannot_be_opened(self, failure: Exception) -> ConfigError:
+        return ConfigError(f"it cannot be opened as a store of a campaign: {failure}", source=str(self.path))
 
     def _lock_it(self) -> None:
         # SQLite's own locks are of another kind; this one says that a campaign goes on, and dies with it.

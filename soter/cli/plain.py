@@ -99,7 +99,9 @@ class PlainStream(io.TextIOBase):
         return True
 
     def flush(self) -> None:
-        self.stream.flush()
+        # It is flushed once more when it is collected, after what it writes to may have been closed.
+        if not self.stream.closed:
+            self.stream.flush()
 
     def fileno(self) -> int:
         return self.stream.fileno()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -200,7 +201,8 @@ def test_a_store_takes_one_campaign_of_one_state_of_the_sources(tmp_path: Path) 
         with pytest.raises(ConfigError, match="other sources"):
             kept.describe({"sources": "two"})
     (tmp_path / "text").write_text("not a database, and longer than what one begins with" * 10)
-    sqlite3.connect(tmp_path / "other.sqlite").executescript("CREATE TABLE a (b);")
+    with closing(sqlite3.connect(tmp_path / "other.sqlite")) as sql:
+        sql.executescript("CREATE TABLE a (b);")
     for path in (tmp_path / "none.sqlite", tmp_path / "text", tmp_path / "other.sqlite"):
         with pytest.raises(ConfigError, match=path.name):
             Store(path)

@@ -182,7 +182,14 @@ def test_recordings_are_shown_side_by_side(tmp_path: Path) -> None:
     assert soter("compare", one, tmp_path / "none.mcap", "-o", page, "--force").exit_code == 2
 
 
-@pytest.mark.parametrize("path", [each for each in CAMPAIGNS if each.stem != "fleet-hall"], ids=lambda each: each.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(each, id=each.stem, marks=[pytest.mark.pybullet] * ("pybullet" in each.read_text()))
+        for each in CAMPAIGNS
+        if each.stem != "fleet-hall"
+    ],
+)
 def test_the_examples_are_campaigns_and_their_parts_run(path: Path) -> None:
     read = load_campaign(path, {"duration_s": 0.5} if path.stem != "random" else None)
     for part in read.parts.values():

@@ -103,7 +103,7 @@ def test_a_violation_exits_with_1() -> None:
         (("--backend", "kinematic", "--ac", "adversary:chess"), "did you mean 'adversary:chase'?"),
         (("--backend", "kinematic", "--engine", "steam"), "engine"),
         (("--backend", "kinematic", "--gui"), "command line: --gui: the backend 'kinematic' has no window"),
-        (("--engine", "kinematic", "--gui"), "only with the engine pybullet"),
+        pytest.param(("--engine", "kinematic", "--gui"), "only with the engine pybullet", marks=pytest.mark.pybullet),
         (("--backend", "kinematic", "--planner", "ompl-bitstarr"), "did you mean 'ompl-bitstar'?"),
         (("--modules", "geofense"), "did you mean 'geofence'?"),
         (("--modules", ""), "--no-rta"),
@@ -302,6 +302,7 @@ def test_the_same_seed_gives_the_same_trace() -> None:
     assert first == second != other
 
 
+@pytest.mark.pybullet
 def test_the_engine_is_chosen_for_the_backend() -> None:
     done = ran("--engine", "kinematic", *QUICK[2:], "--quiet", "--json", "-")
     assert done.exit_code == 0

@@ -93,7 +93,10 @@ def test_what_a_film_needs_is_said(path: Path, tmp_path: Path, monkeypatch: pyte
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [(("--at", "3"), "--still, which is not given"), (("--still", "x.png", "--at", "31"), "allowed: 0 to 29.95")],
+    [
+        (("--at", "3"), "--still, which is not given"),
+        pytest.param(("--still", "x.png", "--at", "31"), "allowed: 0 to 29.95", marks=pytest.mark.pybullet),
+    ],
 )
 def test_a_moment_that_is_not_there_is_refused(path: Path, words: tuple[str, ...], message: str) -> None:
     done = ran(path, *(path.with_name(word) if word.endswith("png") else word for word in words))
