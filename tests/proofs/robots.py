@@ -117,7 +117,7 @@ class Robot:
         """What its recovery planner reads."""
         return SimpleNamespace(
             v_max_m_s=self.v, brake_m_s2=self.b, latency_s=self.L, sample_age_s=self.A, tube_m=self.tube,
-            position_noise_m=self.noise, moving_m_s=0, reverses=True,
+            position_noise_m=self.noise, moving_m_s=0, reverses=True, yaw_rate_max_rad_s=1,
         )  # fmt: skip
 
     def recovery(self, separation_m: Any = 0, peer: Robot | None = None, terrain: Any = None) -> RecoveryPlanner:
