@@ -1,4 +1,4 @@
-"""The conformance kit: anyone can prove an adapter right. See docs/conformance.md.
+"""The conformance kit: judges whether an adapter can be relied on. See docs/conformance.md.
 
 `Harness` is what an adapter's author writes (`RelayedHarness` for robots in another process, with an `ImpairedRelay`
 between them and the adapter); `judge` tries every clause on it and returns the record, and `Workshop` does so in

@@ -1,4 +1,4 @@
-"""Always: what holds of every sample and every motion, whatever a clause has driven the robots for."""
+"""Always: the promises that every sample and every motion must keep, whatever a clause drives the robots for."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ _CAUSES: Final[dict[str, dict[str, str]]] = {
         "": "headings are off at rest, too: the sign, unit or zero of another frame, or turn rates that are added up",
     },
 }
-"""By promise, when alone it was broken, and the likely cause; the last one is of what is wrong at other times, too."""
+"""By promise: the only occasion on which it was broken, with the likely cause; the key "" is for any occasion."""
 
 
 class Always:
-    """Takes note of what was beyond a promise most, each by as many times as it may be."""
+    """Notes, for each promise, the sample that exceeded it most, as a multiple of the allowed value."""
 
     def __init__(self) -> None:
         self._worst: dict[str, tuple[float, str]] = {}
@@ -52,7 +52,7 @@ class Always:
 
     @property
     def wrong(self) -> str:
-        """What is wrong, or nothing."""
+        """The worst broken promise, with its likely cause; empty if all were kept."""
         if not self._worst:
             return ""
         promise = max(self._worst, key=lambda each: self._worst[each][0])
@@ -60,7 +60,7 @@ class Always:
         return f"{self._worst[promise][1]}{f', only {when}' * bool(when)}: {_CAUSES[promise][when]}"
 
     def note(self, bench: Judging, robot: Robot, state: RobotState) -> None:
-        """Look at a sample that was read just now."""
+        """Check a sample that was read just now."""
         caps = robot.capabilities
         link = {_BAD_LINK} if bench.faulty else set[str]()
         noise_m_s = 0.002 + (caps.speed_noise_m_s or 0.02 * caps.v_max_m_s)
@@ -75,7 +75,7 @@ class Always:
         age_s = max(bench.now_s - state.stamp_s, 0.0)
         may_be_m, may_be_rad = caps.position_noise_m + _OFF_M, (caps.heading_noise_rad or 0.0) + _OFF_RAD
         if not caps.in_process:
-            # The truth comes over a wire of its own.
+            # The truth comes over a wire of its own, with its own delay.
             age_s, may_be_m = age_s + caps.jitter_s + _LATE_S, may_be_m + _LATE_M
         off_m, off_rad = math.dist((x_m, y_m), state[3:5]), abs(turn(heading_rad, state.heading_rad))
         when = set() if caps.rests(state) else {"while it moves"}

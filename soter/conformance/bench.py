@@ -1,4 +1,4 @@
-"""The bench on which one clause is tried: a fresh fleet, driven as a supervisor drives it, and what was seen of it."""
+"""The bench on which one clause is tried: opens a fresh fleet, drives it as a supervisor does, and records it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SLOW: Final = (
 
 
 class Bench(Judging):
-    """What a clause works with: it opens robots, drives them, and sees them stop."""
+    """The tools of a clause: opens robots, drives them, and checks that they arrive and stop."""
 
     def open_raw(self, robots: int = 1) -> Fleet:
         """Open a fresh fleet whose robots are not initialised."""
@@ -54,7 +54,7 @@ class Bench(Judging):
         return fleet
 
     def open(self, robots: int = 1, in_charge: Controller = Controller.AC) -> tuple[Robot, ...]:
-        """Open a fresh fleet, get its robots ready, and put a controller in charge of each."""
+        """Open a fresh fleet, initialise its robots, and make a controller active on each."""
         fleet = self.open_raw(robots)
         for robot in fleet.robots:
             robot.init(self.harness.connect_timeout_s)
@@ -78,7 +78,7 @@ class Bench(Judging):
         return fleet.robots
 
     def _bring_back(self, robot: Robot) -> None:
-        """Let a robot that was there before drive to its start, and turn the room as it stands there."""
+        """Drive a robot that the kit did not start to its start, and align the room with its heading there."""
         spec, at, room_m = robot.spec, self.look(robot), self.harness.room_m
         off_m = at.distance_m(spec.x_m, spec.y_m)
         self.require(
@@ -99,11 +99,11 @@ class Bench(Judging):
         return spec.x_m, spec.y_m, self._turned.get(robot.id, spec.heading_rad)
 
     def open_one(self, in_charge: Controller = Controller.AC) -> Robot:
-        """Open a fresh fleet of one robot, ready, with a controller in charge; of more, where the last is judged."""
+        """Open a fresh fleet of one ready robot, or of `judged` robots of which the last is returned."""
         return self.open(self.judged, in_charge)[-1]
 
     def open_most(self) -> tuple[Robot, ...]:
-        """Open a fresh fleet of as many robots as the harness has, ready, with the AC in charge of each."""
+        """Open a fresh fleet of as many robots as the harness has, ready, with the AC active on each."""
         return self.open(max(self.harness.robots_most, 2))
 
     def close(self) -> None:
@@ -120,9 +120,9 @@ class Bench(Judging):
         read: bool = True,
         closely: bool = False,
     ) -> bool:
-        """Tick for so long, or until a condition holds; note what is seen. Return whether it held.
+        """Tick for some seconds, or until a condition holds, and record the samples. Return whether it held.
 
-        Closely: look several times a tick, where the world moves between ticks.
+        With `closely`, look several times a tick if the world moves between ticks.
         """
 
         def look() -> bool:
@@ -135,11 +135,11 @@ class Bench(Judging):
         return drive_until(self.fleet, look, seconds, renew=renew, read=read, looks=looks)
 
     def look(self, robot: Robot) -> TrackSample:
-        """Return where a robot is now, and note it."""
+        """Return where a robot is now, and record it."""
         state = robot.read_state()
         track = self.tracks[robot.id]
         last_s = self._stamps.get(robot.id, state.stamp_s)
-        # Said only where it is so: this is done thousands of times.
+        # The message is only made if needed: this runs thousands of times.
         if not state.stamp_s >= last_s:
             self.fail(
                 f"the stamp of the sample went back from {last_s:.3f} to {state.stamp_s:.3f} s: samples that arrive "
@@ -163,7 +163,7 @@ class Bench(Judging):
             track.append(sample)
         if robot.id in self._turned:
             off_m = sample.distance_m(robot.spec.x_m, robot.spec.y_m)
-            # Whatever fails a clause closes its fleet, which stops the robot.
+            # A failed clause closes its fleet, which stops the robot.
             self.require(
                 off_m <= 0.5 * self.harness.room_m,
                 f"it was stopped {off_m:.1f} m from its start, on its way out of its room",
@@ -171,7 +171,7 @@ class Bench(Judging):
         return sample
 
     def _require_possible(self, before: list[TrackSample], sample: TrackSample) -> None:
-        """Fail the clause where a sample says a speed or a leap that is nowhere near what the robot can do."""
+        """Fail the clause if a sample shows a speed or a leap far beyond what the robot can do."""
         caps = self.caps
         if self.faulty or not self.harness.judges:
             return
@@ -191,7 +191,7 @@ class Bench(Judging):
                 )
 
     def place(self, robot: Robot, ahead: float, left: float = 0.0, **options: float) -> Waypoint:
-        """Return a waypoint in a robot's room, in shares of its half side, seen from the start pose."""
+        """Return a waypoint in a robot's room, given relative to the start pose in shares of the room's half side."""
         (at_x_m, at_y_m, heading_rad), scale = self.home(robot), self.harness.room_m / 2.0
         c, s = math.cos(heading_rad), math.sin(heading_rad)
         x_m, y_m = (ahead * c - left * s) * scale, (ahead * s + left * c) * scale
@@ -205,7 +205,7 @@ class Bench(Judging):
         *,
         cause: str = "",
     ) -> Goal:
-        """Send a robot somewhere and see it arrive there; with the likely cause if it does not, where one is known."""
+        """Send a robot to a target and fail the clause unless it arrives; `cause` is the likely cause, if known."""
         began, began_s = self.look(robot), self.now_s
         goal = robot.goto(target, by)
         self.run(self.way_s(), lambda: not goal.active or self.stands(robot, began_s))
@@ -218,12 +218,12 @@ class Bench(Judging):
         return goal
 
     def arrive(self, goal: Goal, cause: str) -> None:
-        """See a robot arrive where it was sent."""
+        """Fail the clause unless a robot reaches its goal."""
         self.run(self.way_s(), lambda: not goal.active)
         self.require_status(goal, GoalStatus.REACHED, cause)
 
     def _astray(self, robot: Robot, began: TrackSample, goal: Goal) -> str:
-        """Return what the way that a robot took instead of that to its goal says; empty where it says nothing."""
+        """Return what is likely wrong, judging by the way that a robot took; empty if that way shows nothing."""
         last, target = self.tracks[robot.id][-1], goal.target
         moved_m, up_m = last.distance_m(began.x_m, began.y_m), last.state.z_m - target.z_m
         if last.distance_m(target.x_m, target.y_m) <= target.radius_m and abs(up_m) > 0.5 * target.radius_m:
@@ -240,7 +240,7 @@ class Bench(Judging):
         )
 
     def _stuck(self, robot: Robot, goal: Goal) -> str:
-        """Return why a robot may stand that has taken a goal, by its own word; empty where it does not say so."""
+        """Return why a robot may stand although it reports the goal as in progress; empty if it does not."""
         last = self.tracks[robot.id][-1]
         if last.state.goal_id != goal.id:
             return ""
@@ -249,8 +249,8 @@ class Bench(Judging):
         return f"it says that it works on the goal, and stands: {why}renew_lease() does not renew its lease"
 
     def stands(self, robot: Robot, since_s: float) -> bool:
-        """Whether for a while now nothing has moved, or been heard, of a robot that has had time to: no use to wait."""
-        # So long that what moves gets farther than what only seems to.
+        """Return whether a robot has had time to move, but has not moved or not been heard for a while."""
+        # Long enough for a slow robot to get farther than noise seems to.
         patience_s = max(_PATIENCE_S, 4.0 * self.still_m / self._slow_m_s)
         patience_s += 2.0 * self.caps.latency_s + self.caps.sample_age_s
         track, from_s = self.tracks[robot.id], self.now_s - patience_s
@@ -272,7 +272,7 @@ class Bench(Judging):
         closely: bool = False,
         cause: str = "",
     ) -> Goal:
-        """Send a robot somewhere far and see it come up to speed."""
+        """Send a robot to a far target and fail the clause unless it comes up to speed."""
         began_s = self.now_s
         goal = robot.goto(target, by)
         fast = 0.7 * min(self.caps.v_max_m_s, target.speed_m_s or math.inf)
@@ -291,12 +291,12 @@ class Bench(Judging):
         return goal
 
     def expect_stop(self, robot: Robot, cause: str, *, extra_s: float = 0.0, renew: bool = True) -> None:
-        """See that a moving robot stops, in the time and on the way that its capabilities allow, and stays there.
+        """Fail the clause unless a moving robot stops within the time and way that it promises, and stays there.
 
         Args:
             robot: which.
             cause: the likely cause if it does not.
-            extra_s: how much later than now it may begin, such as the lease.
+            extra_s: how much later than now it may begin to stop, such as the lease.
             renew: whether leases are renewed while it is watched.
         """
         caps = self.caps
@@ -309,7 +309,7 @@ class Bench(Judging):
         later = self.look(robot)
         slipped, turned = later.distance_m(rest.x_m, rest.y_m), abs(turn(rest.heading_rad, later.heading_rad))
         if slipped <= self.still_m and turned > self.still_rad and abs(before.yaw_rate_rad_s) <= TURNING_RAD_S:
-            # It drove straight, and turns in place now: it is to drive somewhere again.
+            # It drove straight and now turns in place, so it wants to drive somewhere again.
             cause = f"it turns to drive back to where it was when it was told, as if that were its goal; or {cause}"
         self.require(
             slipped <= self.still_m and turned <= self.still_rad,
@@ -324,7 +324,7 @@ class Bench(Judging):
         )  # fmt: skip
 
     def expect_still(self, robot: Robot, seconds: float, cause: str) -> None:
-        """See that a robot at rest stays where it is."""
+        """Fail the clause unless a robot at rest stays where it is."""
         before = self.look(robot)
         began_s = self.now_s
         self.run(seconds)

@@ -1,4 +1,4 @@
-"""A clause: one sentence that every adapter must keep, and the function that finds out."""
+"""A clause: one sentence that every adapter must keep, and the function that checks it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from soter.conformance.bench import Bench
 
 
 class Tier(Enum):
-    """What a clause needs: nothing, the truth, or a wire to break."""
+    """What a clause needs to be tried: nothing, the truth, or a wire to break."""
 
     CORE = "core"
     TRUTH = "truth"
@@ -26,12 +26,12 @@ class Clause:
     """One clause.
 
     Attributes:
-        id: stable; `group.name`, with `truth.` before it where the truth judges instead of the robot's own state.
+        id: stable; `group.name`, with the prefix `truth.` if the truth judges instead of the robot's own state.
         contract: what every adapter must do, in one sentence.
-        tier: what it needs.
-        check: raises `Failed` where an adapter does not.
-        hooks: what the harness must give.
-        needs: capabilities without which it does not apply.
+        tier: what the clause needs.
+        check: raises `Failed` if an adapter does not keep the contract.
+        hooks: the optional hooks that the harness must give.
+        needs: capabilities without which the clause does not apply.
     """
 
     id: str
@@ -65,7 +65,7 @@ def clause(
         clause_id: its id.
         tier: its tier.
         truth: register it a second time, to be judged by the truth.
-        hooks: names out of `soter.conformance.HOOKS`.
+        hooks: names from `soter.conformance.HOOKS`.
         needs: names of capabilities.
     """
 

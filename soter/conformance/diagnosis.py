@@ -1,4 +1,4 @@
-"""What the kit knows of a robot's samples, said before a clause blames anything else."""
+"""Faults that the kit finds in a robot's samples; they are reported before a clause's own likely cause."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SLIP_M: Final = 0.002
 
 
 def explain(bench: Judging) -> str:
-    """Return what is wrong with the samples of the open fleet, ending with a semicolon; empty where nothing is."""
+    """Return what is wrong with the samples of the open fleet, ending with a semicolon; empty if nothing is."""
     if bench.capabilities is None or not bench.fleets:
         return ""
     found: list[str] = []
@@ -53,7 +53,7 @@ def explain(bench: Judging) -> str:
 
 
 def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> Iterator[str]:
-    """Yield what is wrong where samples put a robot elsewhere than it is, or say that it moves and where it stands."""
+    """Yield what is wrong if samples show a wrong place, or report motion without a change of place."""
     state = track[-1].state
     frozen_s = state.stamp_s - next(
         (each.state.stamp_s for each in reversed(track) if each.state[4:6] != state[4:6]), track[0].state.stamp_s
@@ -70,7 +70,7 @@ def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> It
 
 
 def _moves_at_no_speed(track: Sequence[TrackSample], who: str) -> Iterator[str]:
-    """Yield what is wrong where places move, and velocities never say so."""
+    """Yield what is wrong if places change and velocities stay 0."""
     seen = [each.state for each in track]
     near = [(a, b) for a, b in pairwise(seen) if b.stamp_s - a.stamp_s <= _OLD_S]
     way_m = sum(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in near if len(near) >= _MANY)
@@ -82,7 +82,7 @@ def _moves_at_no_speed(track: Sequence[TrackSample], who: str) -> Iterator[str]:
 
 
 def _scatter_m(track: Sequence[TrackSample]) -> float:
-    """Return how far positions typically are off the line between their neighbours, beyond what braking explains."""
+    """Return how far positions typically are off the line between their neighbours, after allowing for braking."""
     states = [each.state for each in track[-_RECENT:]]
     off = []
     for a, b, c in zip(states, states[1:], states[2:], strict=False):

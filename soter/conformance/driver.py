@@ -1,4 +1,4 @@
-"""Driving robots as a supervisor does; and a process that does nothing else, for the kit to kill or to make hang."""
+"""Drives robots as a supervisor does; also in a process of its own, which the kit can kill or make hang."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ def drive_until(
 
     Args:
         fleet: robots that are ready.
-        until: asked after every look.
+        until: called after every look.
         timeout_s: in fleet time.
         renew: whether leases are renewed.
         read: whether states are read.
-        looks: how often that is done in each tick, at even distances.
+        looks: how often robots are read and renewed in each tick, at even intervals.
     """
     clock = fleet.clock
     start_s = clock.now()
     step, step_s, renewed = 0, TICK_S / looks, 0
     while clock.now() - start_s < timeout_s - ROUNDING:
         step += 1
-        # A grid without drift; where the host was too slow for it, the next step is the next one still ahead.
+        # A grid without drift; if the host was too slow, steps that are past are skipped.
         step = max(step, math.ceil((clock.now() - start_s) / step_s - ROUNDING))
         clock.sleep_until(start_s + step * step_s)
         due = step // looks > renewed
@@ -52,7 +52,7 @@ def drive_until(
             if read:
                 robot.read_state()
             if renew and due:
-                # One that does not obey says so at every tick, and is not let alone for that.
+                # A robot that does not obey raises at every tick; its lease is still renewed.
                 with suppress(Uncontrolled):
                     robot.renew_lease()
         if until():
@@ -75,7 +75,7 @@ def spawn(opener: str, argument: str, target: Waypoint) -> subprocess.Popen[byte
 
 
 def drive(fleet: Fleet, target: Waypoint) -> None:
-    """Put the AC of the first robot in charge, send it to the target, and renew leases each tick, for ever."""
+    """Make the AC of the first robot active, send the robot to the target, and renew leases each tick, for ever."""
     robot = fleet.robots[0]
     robot.init(10.0)
     robot.switch_ac_sc(Controller.AC, "conformance")
@@ -84,7 +84,7 @@ def drive(fleet: Fleet, target: Waypoint) -> None:
 
 
 def main() -> None:
-    """Do what `spawn` wants of its process, which gives the arguments."""
+    """Run the process that `spawn` starts, with its arguments from the command line."""
     opener, argument, x_m, y_m, timeout_s = sys.argv[1:]
     function: Callable[[str], Fleet] = pkgutil.resolve_name(opener)
     with function(argument) as fleet:

@@ -1,4 +1,4 @@
-"""What a clause measures, and the two ways in which it ends early."""
+"""What a clause measures, and the two exceptions that end a clause early."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class NotTested(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Something measured.
+    """One measured value.
 
     Attributes:
-        name: what, with its unit at the end; a field of `Capabilities` where that is what was measured.
-        value: what was seen; but where it is beyond its bound by no more than the measurement itself may be off, the
-            bound. So a value beyond its bound is always a failure.
+        name: the quantity, with its unit at the end; a field of `Capabilities` if that is what was measured.
+        value: the measured value; the bound, if the measured value exceeds it by no more than `resolution`. So a
+            value beyond its bound is always a failure.
         bound: what was declared, or follows from that; None if nothing does.
         resolution: how far the measurement itself may be off.
-        at_least: the bound is the least that is allowed, and not the most.
-        spread: least, median and largest of what was seen, where there were several trials.
+        at_least: whether the bound is the least allowed value instead of the largest.
+        spread: least, median and largest value of several trials.
     """
 
     name: str
@@ -53,23 +53,23 @@ class Figure:
         at_least: bool = False,
         trials: Sequence[float] = (),
     ) -> Figure:
-        """Return the figure of what was seen, in the worst and in all trials."""
+        """Return the figure for the worst measured value, with the spread of all trials."""
         value = seen
         if bound is not None:
             off = resolution + ROUNDING
-            # Towards the bound, and no farther, by what may not be the robot's.
+            # Credit the robot with the error of the measurement, but only up to the bound.
             value = min(max(seen, bound), seen + off) if at_least else max(min(seen, bound), seen - off)
         spread = tuple(round(quantile(trials, share), 6) for share in (0.0, 0.5, 1.0)) if trials else ()
         return cls(name, round(max(value, 0.0), 6), bound, round(resolution, 6), at_least, spread)
 
     @property
     def kept(self) -> bool:
-        """Whether it is not beyond its bound; NaN is beyond every bound."""
+        """Whether the value is within its bound; NaN is beyond every bound."""
         if self.bound is None:
             return True
         return self.value >= self.bound - ROUNDING if self.at_least else self.value <= self.bound + ROUNDING
 
     @property
     def timed(self) -> bool:
-        """Whether it is a time, or a way that gets longer where something is late: what a busy host may spoil."""
+        """Whether a busy host may spoil the figure: it is a time, or a way that gets longer with one."""
         return self.name.endswith(_WAYS) or (self.name.endswith("_s") and not self.name.endswith(_RATES))

@@ -1,4 +1,4 @@
-"""Finds the harness that a name stands for; makes one for robots that live in this process."""
+"""Finds the harness for a name; makes one for robots that live in this process."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.sdk import Backend, Capabilities, Fleet, RobotSpec
 
-# Rooms of 2 m on open ground; no coordinate and no heading is like another, so that mixed-up ones show; and so far
-# from the origin that coordinates of too few bits do. Ids are neither 1 and 2 nor in order: they are no indices;
-# and one begins with another, as names do by which a wire may look things up.
+# Rooms of 2 m on open ground. All coordinates and headings differ, so that mixed-up ones show, and are so far from
+# the origin that coordinates of too few bits show. Ids are not 1 and 2 in order, so that ids taken for indices show,
+# and one begins with another, so that names looked up by their beginning show.
 _STARTS: Final = ((7, 142.0, 73.5, 0.4), (3, 145.5, 71.7, -2.2), (37, 142.7, 70.4, 2.6))
 
 
@@ -48,15 +48,15 @@ class InProcessHarness(Harness):
         return self._opened(specs_at(_places(robots)))
 
     def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
-        """Return robots of which the last is of its own kind, in a fresh world."""
+        """Return robots in a fresh world; the last one has promises of its own."""
         return self._opened(specs_at(_places(robots), promised))
 
     def charged(self, charge: float, lasts_s: float = FOR_EVER_S, charge_s: float = FOR_EVER_S) -> Fleet:
-        """Return a robot with a charge of its own in a fresh world."""
+        """Return a robot with a given charge in a fresh world."""
         return self._opened(specs_at(_places(1), None, charge, lasts_s, charge_s))
 
     def choosing(self, order: Sequence[int]) -> Fleet:
-        """Return some robots of a workspace that has places for all, in a fresh world."""
+        """Return some robots in a fresh world whose workspace has places for all."""
         specs = specs_at(_places(self.robots_most))
         return self._opened([specs[each] for each in order], self.robots_most)
 
@@ -74,19 +74,19 @@ def _places(robots: int) -> Sequence[RobotPlace]:
 
 
 def named(target: str | Given) -> str:
-    """Return how messages call what is judged."""
+    """Return the name of a target for messages."""
     return f"'{target}'" if isinstance(target, str) else f"robot {target.spec.id} of {target.backend}"
 
 
 def find_harness(name: str | Given) -> Harness:
-    """Return the harness for a backend's name, or the one named as `module:Harness`, or for a robot that is given.
+    """Return the harness for a backend's name, for `module:Harness`, or for a given robot.
 
     A backend names its harness in a class attribute `harness`, as `module:Class`; one whose robots live in this process
     needs none.
 
     Raises:
         BackendError: there is no such backend, it cannot be used here, or it has no harness.
-        ConfigError: what was named is no harness.
+        ConfigError: the name leads to something that is not a harness.
     """
     if isinstance(name, Given):
         target = getattr(load_backend(name.backend), "harness", None)

@@ -1,4 +1,4 @@
-"""A robot that the kit did not start: where it is, where it may be driven, and how it is tried there."""
+"""A robot that the kit did not start: where it is, where it may be driven, and the harness that tries it there."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Given:
     """One robot of a backend, as a mission file has it.
 
     Attributes:
-        backend: its name.
-        config: its options, which lead to the robot.
-        spec: the robot; its start is the middle of the room, and it promises what is to be judged or improved.
+        backend: the backend's name.
+        config: the backend's options, which lead to the robot.
+        spec: the robot; its start is the middle of the room, and its promises are to be judged or improved.
         room_m: the diameter of the free circle around its start.
-        judges: whether what is measured is judged by what is promised, or only taken.
+        judges: whether figures are judged by the promises, or only recorded.
     """
 
     backend: str
@@ -44,19 +44,19 @@ class Given:
 
     @property
     def radius_m(self) -> float:
-        """How far it may get from its start."""
+        """How far the robot may get from its start."""
         return self.room_m / 2.0
 
     def check(self, workspace: Workspace) -> None:
         """Refuse a room that is not free, before anything moves.
 
         Raises:
-            ConfigError: it is too small, leaves the workspace or touches a box.
+            ConfigError: the room is too small, leaves the workspace or touches a box.
         """
         spec, promised = self.spec, self.spec.promised
         assert promised is not None
         radius_m = self.radius_m + promised.body_radius_m
-        # Targets are so far apart that the robot can know at which of them it is.
+        # Targets must be far enough apart for the robot to know at which one it is.
         least_m = max(_LEAST_ROOM_M, _ROOM_TO_NOISE * promised.position_noise_m)
         to_fence_m, to_box_m = workspace.fence_m(spec.x_m, spec.y_m), workspace.clearance_m(spec.x_m, spec.y_m, 0.0)
         free_m = min(to_fence_m, to_box_m)
@@ -77,13 +77,13 @@ class Given:
 
 
 Between = Callable[[Any], tuple[Relay, Any] | None]
-"""Returns a relay to the robots that options lead to, and options that lead to the relay; None where there is none."""
+"""Takes options that lead to robots; returns a relay to them and options that lead to the relay, or None."""
 
 
 class GivenHarness(RelayedHarness):
-    """Connects to a robot that is there; the kit lets it drive back to the middle of its room before each clause.
+    """Connects to a running robot, which the kit drives back to the middle of its room before each clause.
 
-    It gives no hook that needs the robot to be started, and those that break the link only where there can be a relay.
+    Hooks that need the robot to be started are not given; those that break the link only if there can be a relay.
     `start_driver` needs a truth, which sees the robot when its driver is gone.
     """
 
@@ -130,7 +130,7 @@ class GivenHarness(RelayedHarness):
         return made is not None
 
     def _reached(self) -> str:
-        """Return the robot as it is reached, through a relay if there can be one, as text for another process."""
+        """Return how to reach the robot, through a relay if there can be one, as text for another process."""
         made, config = self._between(self._given.config), self._given.config
         if made is not None:
             self.relay, config = made
@@ -138,6 +138,6 @@ class GivenHarness(RelayedHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return the robot that such a text leads to, not initialised."""
+    """Return a fleet of the robot that a text of `GivenHarness` leads to, not initialised."""
     given: Given = pickle.loads(base64.b64decode(argument))  # noqa: S301 - from the harness
     return load_backend(given.backend)().open(given.config, [given.spec])

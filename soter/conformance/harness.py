@@ -17,27 +17,27 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall",
 )  # fmt: skip
-"""More of them, for what not every harness can do; an adapter may conform without."""
+"""More optional methods, which not every harness can give; an adapter may conform without."""
 
 
 LOW_CHARGE: Final = 0.1
-"""What simulated robots start with: what is weak when a battery is low shows, and so does a charge said too high."""
+"""Charge that simulated robots start with: low, to show faults at a low charge, and charges reported too high."""
 
 _IDLE_S: Final = 2400.0
-"""How long a full battery of theirs lasts at rest: what that takes shows within half a minute."""
+"""How long a full battery of simulated robots lasts at rest: short enough to show within half a minute."""
 
 LEG_M: Final = 8.0
-"""How long a leg the kit's own simulated robots are driven on open ground."""
+"""Length of the long leg of the kit's own simulated robots, on open ground."""
 
 FOR_EVER_S: Final = 1e6
-"""How long it takes to empty, or to charge, a battery whose charge is to stay."""
+"""Time to empty, or to charge, a battery whose charge is to stay the same."""
 
 LIMITS: Final = RuleLimits(separation_m=0.45)
-"""What truth judges simulated robots by, which no world does by itself."""
+"""Limits that the truth of simulated robots judges by; they differ from every world's default."""
 
 
 def beside_leg(start: tuple[float, float]) -> Box:
-    """Return a box beside the end of the long leg to the west of a place: no robot that passes is to mind it."""
+    """Return a box beside the end of the long leg to the west of a start; robots must pass it undisturbed."""
     x_m, y_m = start
     return Box(x_m - LEG_M, y_m - 1.3, x_m - 0.9 * LEG_M, y_m - 0.91)
 
@@ -53,10 +53,10 @@ def specs_at(
 
     Args:
         places: where they start.
-        promised: what the last of them is asked to promise.
-        charge: what is left in their batteries, and stays; None for a low charge that changes as they drive.
-        lasts_s: how long a full one lasts then, whatever they do.
-        charge_s: how long it takes then to charge one.
+        promised: the promises asked of the last robot.
+        charge: the constant charge of their batteries; None for a low charge that changes as they drive.
+        lasts_s: how long a full battery lasts if `charge` is given, driving or not.
+        charge_s: how long it then takes to charge one.
     """
     specs = [RobotSpec(at.id, at.x_m, at.y_m, at.heading_rad, LOW_CHARGE, idle_s=_IDLE_S) for at in places]
     specs[-1] = replace(specs[-1], promised=promised)
@@ -66,12 +66,12 @@ def specs_at(
 
 
 class Switchable(NamedTuple):
-    """A robot whose program can end, and what carried its messages with it.
+    """A robot whose program can be switched off, together with the connections to it.
 
     Attributes:
         fleet: the adapter's connection to the robot itself.
         off: ends the robot's program.
-        on: begins it anew, at the same address.
+        on: starts the program again, at the same address.
     """
 
     fleet: Fleet
@@ -95,19 +95,19 @@ class Harness(ABC):
         leg_m: how far a robot may be driven to the west of its start, within 0.1 rad of the frame's negative x axis; 0
             where there is no room for a long leg.
         charges_at_start: whether a robot at rest at its start pose is being charged, and its battery not full at first.
-        contacts: whether the robots are simulated, so that they may be driven into each other, and truth counts that.
-        robots_most: how many robots `open` can give; clauses that need more are not tested. Best as many as are to
-            drive together, since what is right for two can be wrong for the third.
-        limits: what the truth of simulated robots was told to judge by, or None; best not what it does by itself.
+        contacts: whether robots are simulated, so that they may be driven into each other, and truth counts contacts.
+        robots_most: how many robots `open` can give; clauses that need more are not tested. Best as many as will be
+            used together, since an adapter can be right for two robots and wrong for the third.
+        limits: what the truth of simulated robots was told to judge by, or None; best not its default.
         connect_timeout_s: what the kit passes to `Robot.init`.
         speedup: how many seconds of fleet time may pass in one second of the host; needed for `start_driver` only.
         side_by_side: whether several fleets may be open at once on this host, by processes that know nothing of each
             other: their robots are simulated, each fleet has its own, and ports are free ones. `soter conform --jobs`
             tries one clause after another where it is False.
-        starts_robots: whether `open` starts them afresh, where their specs say. Where it only connects to one that is
-            there, the kit lets it drive back to its start before each clause, and stops it when it leaves its room.
-        clause_limit_s: a clause that takes longer on the host hangs, and fails.
-        judges: whether figures are judged by what is declared; where they are only taken, no clause fails by them.
+        starts_robots: whether `open` starts robots afresh at the start poses in their specs. If it only connects to a
+            running one, the kit drives it back to its start before each clause, and stops it if it leaves its room.
+        clause_limit_s: a clause that takes longer on the host counts as hanging, and fails.
+        judges: whether figures are judged by the capabilities; if not, they are only recorded and fail no clause.
     """
 
     name: str
@@ -126,11 +126,11 @@ class Harness(ABC):
 
     @abstractmethod
     def open(self, robots: int) -> Fleet:
-        """Return a fleet of so many fresh robots, at rest at the start poses in their specs; do not call `init`.
+        """Return a fleet of `robots` fresh robots, at rest at the start poses in their specs; do not call `init`.
 
         Fresh means that nothing is left of the fleet before: a simulated world is started anew, a real robot is
         driven back to its start. `robots` is 1 to `robots_most`. Start poses need two different coordinates and a
-        heading that is none of 0, 90, 180 and 270 degrees, so that mixed-up axes show.
+        heading other than 0, 90, 180 and 270 degrees, so that mixed-up axes show.
         """
 
     @abstractmethod
@@ -147,11 +147,11 @@ class Harness(ABC):
         raise NotImplementedError
 
     def restore(self, robot_id: int) -> None:
-        """End `cut`. To be given with it."""
+        """End `cut`. A harness that gives `cut` must give this too."""
         raise NotImplementedError
 
     def delay(self, seconds: float) -> None:
-        """Deliver every message so much later, both ways, in fleet time; 0 ends it."""
+        """Deliver every message later by `seconds` of fleet time, both ways; 0 ends it."""
         raise NotImplementedError
 
     def loss(self, fraction: float) -> None:
@@ -163,7 +163,7 @@ class Harness(ABC):
         raise NotImplementedError
 
     def reorder(self, fraction: float) -> None:
-        """Deliver this share of all messages after the ones that followed them, both ways; 0 ends it."""
+        """Deliver this share of all messages after their successors, both ways; 0 ends it."""
         raise NotImplementedError
 
     # --- optional hooks: when the SOTER side dies or hangs ----------------------------------------------------
@@ -172,7 +172,7 @@ class Harness(ABC):
         """Start another process that opens the first robot and drives it, and return that process. It replaces `open`.
 
         The robots (the simulated world, say) must not live in that process: the kit stops it with SIGSTOP or kills it
-        with SIGKILL, and then watches the robot through `observe`. What the process does is
+        with SIGKILL, and then watches the robot through `observe`. The process has to call
         `soter.conformance.driver.drive(fleet, target)`; `soter.conformance.driver.spawn` starts one.
         """
         raise NotImplementedError
@@ -180,11 +180,11 @@ class Harness(ABC):
     def observe(self, robot_id: int) -> tuple[float, float, float]:
         """Return where a robot really is: x_m, y_m, heading_rad, workspace frame, not through the adapter.
 
-        Needed beside `start_driver`, and taken as the truth where the fleet has none.
+        Needed together with `start_driver`, and taken as the truth if the fleet has none.
         """
         raise NotImplementedError
 
-    # --- extra hooks: without these an adapter may conform all the same ----------------------------------------
+    # --- extra hooks: an adapter may conform without these -----------------------------------------------------
 
     def second(self) -> Fleet:
         """Return another program's connection to the robots of the open fleet, beside the first one; no `init` yet.
@@ -194,52 +194,52 @@ class Harness(ABC):
         raise NotImplementedError
 
     def step_clock(self, robot_id: int, seconds: float) -> None:
-        """Set a vehicle's own clock forward, or back where negative, while it goes on."""
+        """Set a vehicle's own clock forward, or back if negative, while its program goes on."""
         raise NotImplementedError
 
     def restart(self, robot_id: int) -> None:
-        """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
+        """Restart a vehicle's program, which forgets active controller, target and lease; its clock begins at 0."""
         raise NotImplementedError
 
     def promising(self, promised: Capabilities, robots: int = 1) -> Fleet:
-        """Return a fleet of fresh robots, as `open` does, of which the last was asked to promise this.
+        """Return a fleet of fresh robots, as `open` does, of which the last is asked for these promises.
 
-        It is `RobotSpec.promised` of that robot; of the others nothing is asked.
+        They are `RobotSpec.promised` of that robot; the others have none.
         """
         raise NotImplementedError
 
     def charged(self, charge: float, lasts_s: float = FOR_EVER_S, charge_s: float = FOR_EVER_S) -> Fleet:
-        """Return a fleet of one fresh robot, as `open` does, that has this charge, and has it still minutes later.
+        """Return a fleet of one fresh robot, as `open` does, with this charge, which stays the same for minutes.
 
-        Where `lasts_s` is given, a full battery of its is empty after so long, whether it drives or not; where
-        `charge_s` is, an empty one is full after so long at a charger.
+        If `lasts_s` is given, its full battery is empty after that time, driving or not; if `charge_s` is, an
+        empty one is full after that time at a charger.
         """
         raise NotImplementedError
 
     def choosing(self, order: Sequence[int]) -> Fleet:
-        """Return a fleet of some robots of those that are there, which are as many as `robots_most` and all fresh.
+        """Return a fleet of some of `robots_most` fresh robots, all of which are running.
 
         The backend knows of all of them, and is asked for these.
 
         Args:
-            order: which, and in which order, as places in what `open(robots_most)` opens.
+            order: the robots to open, in this order, as indices into the fleet of `open(robots_most)`.
         """
         raise NotImplementedError
 
     def switchable(self) -> Switchable:
-        """Return a fleet of one fresh robot that nothing stands between, and what switches its program off and on."""
+        """Return a fleet of one fresh robot without a relay, and the calls that switch its program off and on."""
         raise NotImplementedError
 
     def stall(self, robot_id: int, seconds: float) -> None:
-        """Let what hears and talks for a robot stand still for so long from now, as on a busy host; return at once.
+        """Suspend the program that receives and sends for a robot, as on a busy host; return at once.
 
-        The robot itself goes on, by what it was told before.
+        The robot itself goes on with its latest command.
         """
         raise NotImplementedError
 
     # --- for the kit ------------------------------------------------------------------------------------------
 
     def gives(self, hook: str) -> bool:
-        """Return whether a hook out of `HOOKS` or `EXTRA_HOOKS` is given: `cut` needs `restore` as well."""
+        """Return whether a hook of `HOOKS` or `EXTRA_HOOKS` is given: `cut` needs `restore` as well."""
         methods = ("cut", "restore") if hook == "cut" else (hook,)
         return all(getattr(type(self), method) is not getattr(Harness, method) for method in methods)

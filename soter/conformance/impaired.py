@@ -1,4 +1,4 @@
-"""A bad link, for tests: what a relay does to the messages that it passes on, whatever carries them."""
+"""A bad link, for tests: a relay that impairs the messages that it passes on, whatever carries them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class ImpairedRelay:
     """Passes messages on, and delays, loses, repeats and swaps them, without looking into them.
 
     Attributes:
-        delay_s: every message is delivered so much later.
-        loss: this share of all messages is lost.
-        duplicate: this share is delivered twice.
-        reorder: this share is delivered after the one that followed.
+        delay_s: delay of every message.
+        loss: share of the messages that is lost.
+        duplicate: share that is delivered twice.
+        reorder: share that is delivered after its successor.
         cut: robots whose messages are all lost.
     """
 
@@ -50,7 +50,7 @@ class ImpairedRelay:
         self._thread.join()
 
     def pass_on(self, line: Line, message: bytes) -> None:
-        """Deliver a message that has arrived, as it is to be. Messages of one line come from one thread at a time."""
+        """Deliver a message, impaired as configured. Messages of one line come from one thread at a time."""
         chance = self._random.random
         if line.robot_id in self.cut or chance() < self.loss:
             return

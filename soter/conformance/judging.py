@@ -1,4 +1,4 @@
-"""What a clause judges by: what it knows of the open fleet, how far its own readings may be off, and its figures."""
+"""The base of the bench: samples of the open fleet, the errors of the kit's own readings, and recorded figures."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ STILL_RAD: Final = 0.03
 _FADES_M_PER_M_S: Final = 0.02
 
 READ_S: Final = 0.003
-"""A pose of the truth that took longer than this to read says nothing of when it was."""
+"""A pose of the truth that took longer than this to read has no known time."""
 
 FIT_S: Final = 0.001
-"""Motors follow a fitted change of speed about as well as this."""
+"""How closely real motors follow a fitted change of speed, in time."""
 
 _WINDOW_S: Final = 1.0
 _FAST_SHARE: Final = 0.02
@@ -37,22 +37,22 @@ _AT_S: Final = attrgetter("at_s")
 
 
 class Judging:
-    """What a clause judges by; the base of `soter.conformance.bench.Bench`.
+    """Samples, errors and figures of one clause; the base of `soter.conformance.bench.Bench`.
 
     Args:
-        harness: of the adapter.
+        harness: the adapter's harness.
         truth: whether poses are the truth's instead of the state's.
         needs: capabilities without which the clause does not apply.
 
     Attributes:
-        figures: what was measured.
-        tracks: by robot, what was seen while driving, oldest first; one sample for each stamp.
-        fleets: all that were opened, the one that is open last.
-        capabilities: what the robots declare, once one is ready.
-        judged: how many robots clauses about one open, of which they judge the last.
-        opener: opens robots in place of the harness's `open`; None for that.
-        faulty: the clause has broken the link, so that silence is no surprise.
-        always: what was beyond a promise in passing, which no clause was about.
+        figures: the measured figures.
+        tracks: by robot, the samples while driving, oldest first; one for each stamp.
+        fleets: all opened fleets; the last one is open.
+        capabilities: what the robots declare; None until one is ready.
+        judged: how many robots a clause about one robot opens; the last is judged.
+        opener: opens robots in place of the harness's `open`; None for `open` itself.
+        faulty: whether the clause has broken the link, so that silence is expected.
+        always: the promises that every sample must keep, whatever the clause is about.
         scatter_m: how far places were off the even ways that were fitted to them, at most.
     """
 
@@ -94,39 +94,39 @@ class Judging:
         return self.harness.observe(robot_id) if truth is None else truth.pose(robot_id)
 
     def true_place(self, robot: Robot) -> tuple[float, float]:
-        """Return where a robot really is; where there is no truth, where its sample says."""
+        """Return where a robot really is; without a truth, where its sample says."""
         if self.fleet.truth is not None or self.harness.gives("observe"):
             return self.true_pose(robot.id)[:2]
         state = robot.read_state()
         return state.x_m, state.y_m
 
     def timed_pose(self, robot_id: int) -> tuple[float, tuple[float, float, float]]:
-        """Return fleet time, and where a robot really was then."""
+        """Return a fleet time, and the true pose of a robot at that time."""
         for _ in range(_READS):
             before_s, pose, after_s = self.now_s, self.true_pose(robot_id), self.now_s
             if after_s - before_s <= READ_S * self.harness.speedup:
                 return (before_s + after_s) / 2.0, pose
-            # A host that is busy has stopped this thread between the two: read again.
+            # A busy host has paused this thread between the two readings: read again.
         return self.now_s, self.true_pose(robot_id)
 
     def since(self, robot: Robot, at_s: float) -> list[TrackSample]:
-        """Return what was seen of a robot from a moment on."""
+        """Return the samples of a robot from a moment on."""
         track = self.tracks[robot.id]
         return track[bisect_left(track, at_s - ROUNDING, key=_AT_S) :]
 
     @property
     def _slow_m_s(self) -> float:
-        """The least top speed to reckon with; a robot that is only measured may be far from its promise."""
+        """The least top speed to expect; a robot that is only measured may be far from its promise."""
         return self.caps.v_max_m_s * (1.0 if self.harness.judges else _MAY_BE)
 
     @property
     def near_m(self) -> float:
-        """How near to a target a robot is asked to come: as near as it can know that it is there."""
+        """Radius of the kit's goals: no less than the promised noise, within which a robot cannot know its place."""
         return max(_NEAR_M, 0.0 if self.capabilities is None else self.capabilities.position_noise_m)
 
     @property
     def still_m(self) -> float:
-        """A robot whose pose changes by no more than this in a second is at rest; the end of a fast motion fades."""
+        """A robot that moves by no more than this in a second is at rest; more for fast robots, whose motion fades."""
         fades_m = 0.0 if self.capabilities is None else _FADES_M_PER_M_S * self.capabilities.v_max_m_s
         return max(STILL_M, fades_m) + 2.0 * self.noise_m
 
@@ -137,24 +137,24 @@ class Judging:
 
     @property
     def noise_m(self) -> float:
-        """How far a place that was seen may be off by what the robot promises of its samples; the truth is not."""
+        """How far a seen place may be off by the noise that the robot promises; 0 for the truth."""
         return 0.0 if self.truth else self.caps.position_noise_m
 
     @property
     def noise_rad(self) -> float:
-        """How far a heading that was seen may be off by what the robot promises; the truth is not."""
+        """How far a seen heading may be off by the noise that the robot promises; 0 for the truth."""
         return 0.0 if self.truth else self.caps.heading_noise_rad or 0.0
 
     @property
     def _blurred_s(self) -> float:
-        """How far a fitted moment may be off by the noise that is there, as far as the robot promises that much.
+        """How far a fitted moment may be off by the seen noise, at most by the promised one.
 
-        It is of both ends of the even way before it, and of where the robot rests.
+        The noise is that of both ends of the even way before it, and of the place of rest.
         """
         return _ENDS * min(self.scatter_m, self.noise_m) / self.caps.v_max_m_s
 
     def blurred(self, rate_m_s2: float, *, at_least: bool = False) -> float:
-        """Return by what part a rate that speed changes at may be off by the noise, to the side that is judged."""
+        """Return the relative error of a measured acceleration due to noise, on the side that is judged."""
         lasts_s = self.caps.v_max_m_s / rate_m_s2
         if at_least:
             return self._blurred_s / (lasts_s + self._blurred_s)
@@ -162,12 +162,12 @@ class Judging:
 
     @property
     def speed_noise_m_s(self) -> float:
-        """How far a speed may be off, as samples say it, or as poses of the truth over some time do."""
+        """How far a speed may be off, from samples or from poses of the truth over some time."""
         return 0.002 if self.truth else 0.002 + (self.caps.speed_noise_m_s or 0.02 * self.caps.v_max_m_s)
 
     @property
     def fit_s(self) -> float:
-        """How far the moment may be off at which a motion begins to change, as it is fitted to what was seen."""
+        """How far the fitted moment may be off at which a motion begins to change."""
         return max(self.read_s, FIT_S) + self._blurred_s
 
     @property
@@ -177,27 +177,27 @@ class Judging:
 
     @property
     def off_m(self) -> float:
-        """How far a place that was seen may be off because the measurement is."""
+        """How far a measured distance may be off, by noise and timing."""
         return 1e-4 + 2.0 * self.noise_m + self.caps.v_max_m_s * self.read_s
 
     def fastest(self, robot: Robot) -> tuple[Fastest, float]:
-        """Return the top speed and turn rates seen of a robot, and the share by which they may be off."""
+        """Return the top speed and turn rates of a robot, and the share by which they may be off."""
         if not self.truth or self.caps.in_process:
             return fastest(self.tracks[robot.id], 0.0, 0.0), 0.0
         window_s = min(_WINDOW_S, 0.25 * self.harness.room_m / self.caps.v_max_m_s)
         return fastest(self.tracks[robot.id], window_s, 0.5 * window_s), _FAST_SHARE
 
     def trials(self, many: int) -> int:
-        """Return how many trials of so many are worth their time.
+        """Return how many of `many` trials are worth their time.
 
-        Where the truth judges the same motions by all of them, the robot's own word is heard of a third.
+        If the truth judges the same motions in all of them, the robot's own samples are judged in a third.
         """
         fleet = self.fleet
         watched = not self.truth and (fleet.truth is not None or self.harness.gives("observe"))
         return -(-many // 3) if watched and not self.caps.in_process else many
 
     def way_s(self) -> float:
-        """Return a time in which a robot gets anywhere in its room, generously."""
+        """Return a generous time for a robot to get anywhere in its room."""
         caps = self.caps
         return 3.0 * self.harness.room_m / self._slow_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
 
@@ -212,7 +212,7 @@ class Judging:
         return math.hypot(target.x_m - robot.spec.x_m, target.y_m - robot.spec.y_m)
 
     def fail(self, message: str) -> NoReturn:
-        """Fail the clause with a message; what the kit knows of the samples comes before it."""
+        """Fail the clause with a message, preceded by the faults that the kit finds in the samples."""
         raise Failed(f"{explain(self)}{message}")
 
     def require(self, holds: bool, message: str) -> None:
@@ -221,12 +221,12 @@ class Judging:
             self.fail(message)
 
     def require_hook(self, hook: str) -> None:
-        """Leave the clause untried where the harness does not give an optional hook."""
+        """Leave the clause untried if the harness does not give an optional hook."""
         if not self.harness.gives(hook):
             raise NotTested(f"not declared: the harness's hook '{hook}'")
 
     def require_status(self, goal: Goal, status: GoalStatus, cause: str) -> None:
-        """Fail the clause unless a goal has ended, or not, in a certain way."""
+        """Fail the clause unless a goal has a certain status."""
         self.require(
             goal.status is status,
             f"goal {goal.id} is {goal.status.value} ({goal.reason or 'no reason'}), expected {status.value}: {cause}",
@@ -253,16 +253,16 @@ class Judging:
         at_least: bool = False,
         spread: Sequence[float] = (),
     ) -> None:
-        """Record a figure, and fail the clause where it is certain to be beyond its bound.
+        """Record a figure, and fail the clause if the figure is certain to be beyond its bound.
 
         Args:
-            name: what, with its unit at the end.
-            seen: as measured.
+            name: the quantity, with its unit at the end.
+            seen: the measured value.
             bound: what the capabilities declare, or allow.
             resolution: how far the measurement itself may be off.
             cause: the likely cause of a figure beyond its bound.
             at_least: the bound is the least that is allowed.
-            spread: of several trials, all that was seen.
+            spread: the values of all trials, if there were several.
         """
         if not self.harness.judges:
             self.figures.append(Figure.of(name, seen, None, resolution, trials=spread))

@@ -1,4 +1,4 @@
-"""Judges an adapter: every clause on a bench of its own, whatever the others did."""
+"""Judges an adapter: tries every clause on a bench of its own, whatever the others did."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from soter.conformance.tally import Tally
 from soter.errors import ConfigError, nearest
 
 CLOSE_LIMIT_S: Final = 30.0
-"""Closing a fleet or a harness that takes longer than this on the host hangs."""
+"""Time on the host after which closing a fleet or a harness counts as hanging."""
 
 _START_S: Final = 20.0
 """How long a harness may take to start its robots."""
 
 
 def select(only: Sequence[str] = (), tiers: Collection[Tier] = ()) -> list[Clause]:
-    """Return the clauses of these ids, or of these groups; all of them if none is named.
+    """Return the clauses with these ids or in these groups; all of them if none is named.
 
     Args:
-        only: ids and groups. What is named is also tried as the truth judges it.
-        tiers: only clauses of these; all if none is named.
+        only: ids and groups; includes the clauses `truth.` of the same names.
+        tiers: only clauses of these tiers; all if none is named.
 
     Raises:
         ConfigError: there is no such clause.
@@ -58,9 +58,9 @@ def judge(
     clauses: Sequence[Clause] | None = None,
     on_outcome: Callable[[Outcome, Record], None] | None = None,
 ) -> Record:
-    """Try clauses on an adapter in this process, one after another; none that ends stops the others.
+    """Try clauses on an adapter in this process, one after another; a failed one does not stop the others.
 
-    `soter.conformance.workshop` does it in processes of their own, where neither a crash does.
+    `soter.conformance.workshop` does so in processes of their own, where a crash does not either.
     """
     chosen = CLAUSES.values() if clauses is None else clauses
     tally = Tally(harness.name, chosen, on_outcome, given=not harness.starts_robots)
@@ -74,7 +74,7 @@ def judge(
 
 
 def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
-    """Try one clause on a bench of its own; return what came out, and the bench, closed."""
+    """Try one clause on a bench of its own; return the outcome, and the closed bench."""
     bench = Bench(harness, truth=clause.tier is Tier.TRUTH, needs=clause.needs)
     began_s = time.perf_counter()
     missing = [hook for hook in clause.hooks if not harness.gives(hook)]
@@ -94,13 +94,13 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
         verdict, reason = Verdict.FAIL, str(failure)
     except Exception as failure:  # noqa: BLE001 - an adapter may fail in any way, and the others must still be judged
         verdict, reason, unready = Verdict.FAIL, explain(failure), bench.capabilities is None
-        # What the kit itself stumbles over are samples that are missing.
+        # Errors in the kit itself come of missing samples.
         known = diagnosis.explain(bench) if isinstance(failure, LookupError | ValueError) else ""
         if isinstance(failure, LookupError) and not known:
             reason += "; is a robot's id taken for an index? Ids are any numbers, in any order"
         reason = known + reason
     finally:
-        # Whatever ends it, a robot must not be left driving.
+        # However the clause ended, a robot must not be left driving.
         wrong = _close(bench)
     if wrong and verdict is not Verdict.FAIL:
         verdict, reason = Verdict.FAIL, f"while it was closed: {wrong}"
@@ -109,7 +109,7 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
 
 
 def _close(bench: Bench) -> str:
-    """Close what a clause has opened; return what went wrong first."""
+    """Close what a clause has opened; return the first error, or nothing."""
     wrong = ""
     for close in (*(fleet.close for fleet in bench.fleets), bench.harness.close):
         try:
@@ -121,7 +121,7 @@ def _close(bench: Bench) -> str:
 
 
 def explain(failure: BaseException) -> str:
-    """Return what has failed, where, and because of what."""
+    """Return an error with the place that raised it, and its cause."""
     text = f"{type(failure).__name__}: {failure}"
     frame = failure.__traceback__
     while frame is not None and frame.tb_next is not None:
@@ -135,11 +135,11 @@ def explain(failure: BaseException) -> str:
 
 @contextmanager
 def _host_limit(seconds: float, extended: Callable[[], float] = lambda: 0.0) -> Iterator[None]:
-    """Raise TimeoutError in this thread after so long, where that can be done: in the main thread.
+    """Raise TimeoutError after some time, if this is the main thread; in others that is not possible.
 
     Args:
-        seconds: on the host.
-        extended: asked once they are over; what it returns counts in their place.
+        seconds: the limit, on the host.
+        extended: called at the limit; returns the limit that counts instead.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
@@ -155,14 +155,14 @@ def _host_limit(seconds: float, extended: Callable[[], float] = lambda: 0.0) -> 
         )
 
     began_s = time.monotonic()
-    # Stopped first: somebody else's timer that ends just now is not this one's.
+    # Stop the timer first: another one that ends just now must not be taken for this one.
     remaining_s, interval_s = signal.setitimer(signal.ITIMER_REAL, 0.0)
     before = signal.signal(signal.SIGALRM, give_up)
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
     finally:
-        # Somebody else's timer, such as a test runner's, goes on where it was.
+        # Resume the timer that was running before, such as a test runner's.
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
         if remaining_s > 0.0:

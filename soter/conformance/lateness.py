@@ -1,4 +1,4 @@
-"""How late a robot does what it is told, whatever the host was busy with meanwhile."""
+"""How late a robot obeys commands, with the host's own delays taken out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MANY: Final = 200
 
 
 class Regularity:
-    """How regularly the bench looks at a robot, and samples of it come."""
+    """Watches how regularly the bench looks at a robot, and its samples arrive."""
 
     def __init__(self, bench: Bench, stamp_s: float) -> None:
         self._bench: Final = bench
@@ -24,13 +24,13 @@ class Regularity:
         self._looked_s, self._stamp_s = bench.now_s, stamp_s
 
     def begin(self) -> None:
-        """Begin to look now."""
+        """Begin to watch now."""
         self._looked_s = self._bench.now_s
 
     def broken(self, stamp_s: float) -> bool:
-        """Take the stamp of the last sample at a look; return whether the host stood still before, here or there.
+        """Take the stamp of the latest sample; return whether this host or the vehicle's has paused before it.
 
-        What was under way meanwhile says nothing of the robot.
+        Commands under way during a pause say nothing about the robot.
         """
         now_s, gap_s = self._bench.now_s, stamp_s - self._stamp_s
         usual_s = median(self._gaps_s or [gap_s])
@@ -41,10 +41,10 @@ class Regularity:
         return late
 
     def late_s(self, took_s: Sequence[float]) -> list[float]:
-        """Return how late each of some commands of one kind was done, at least, by how long each took.
+        """Return by how much each command of one kind was late at least, given how long each took.
 
-        A command takes no less than no time, and what else is in these times differs by no more than from one sample to
-        the next: those that took least say how much it is, whatever the host did to the others.
+        Times also contain a constant overhead, which differs by no more than the interval of samples. The shortest
+        times show that overhead, whatever the host did to the others.
         """
         least_s = quantile(took_s, _LEAST) + median(self._gaps_s) if took_s else 0.0
         return [max(each - least_s, 0.0) for each in took_s]

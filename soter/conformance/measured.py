@@ -1,4 +1,4 @@
-"""What was measured beside what was promised: for each capability the worst figure there is of it."""
+"""The promise table: for each capability the promised value, and the worst measured one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from soter.sdk.capabilities import WIDENS, Widens
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One capability, declared and measured at worst; a share of the promise above 1 is a promise not kept."""
+    """One capability, as declared and as measured at worst; a share of the promise above 1 breaks the promise."""
 
     name: str
     promised: float
@@ -21,7 +21,7 @@ class Measured:
 
 
 def measured_of(record: Record) -> list[Measured]:
-    """Return every capability that is a number, in the order of `Capabilities`; none where no robot was ready."""
+    """Return every capability that is a number, in the order of `Capabilities`; none if no robot got ready."""
     declared = {} if record.subject is None else record.subject.capabilities
     found = {
         name: Measured(name, value)
@@ -40,7 +40,7 @@ def measured_of(record: Record) -> list[Measured]:
 
 
 def _share(name: str, measured: float, promised: float) -> float:
-    # Of some the least counts, such as of brakes.
+    # Of some capabilities, such as brakes, the least value is the worst.
     part, whole = (promised, measured) if WIDENS[name] is Widens.DOWN else (measured, promised)
     if whole == 0.0:
         return 0.0 if part == 0.0 else math.inf

@@ -1,4 +1,4 @@
-"""What came out: outcomes, the overall verdict, and the record of both as JSON and JUnit XML."""
+"""The result of a run of the kit: outcomes and the overall verdict, as JSON and JUnit XML."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ KIT_VERSION: Final = "2.14"
 """Changes whenever an adapter that conformed might no longer do so."""
 
 NOT_DECLARED: Final = "not declared: "
-"""How the reason begins where a capability that is not declared would be needed."""
+"""How the reason begins if a clause needs a capability that is not declared."""
 
 
 class Verdict(Enum):
-    """What one clause says of an adapter."""
+    """The verdict of one clause on an adapter."""
 
     PASS = "PASS"  # noqa: S105 - no password
     FAIL = "FAIL"
@@ -34,7 +34,7 @@ class Verdict(Enum):
 
 
 class Overall(Enum):
-    """What all of them say."""
+    """The verdict of all clauses together."""
 
     CONFORMS = "CONFORMS"
     SELF_REPORTED = "CONFORMS (self-reported)"
@@ -46,15 +46,15 @@ class Overall(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One clause and what came out.
+    """One clause and its result.
 
     Attributes:
         clause: the clause.
         verdict: its verdict.
         reason: why it failed or was not tested; empty if it passed.
-        figures: what was measured.
-        host_s: how long it took.
-        unready: whether it failed before any robot was ready, and so, as likely as not, will all others.
+        figures: the measured figures.
+        host_s: how long the clause took.
+        unready: whether it failed before any robot was ready, so that all others probably will, too.
     """
 
     clause: Clause
@@ -67,11 +67,11 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Whom the outcomes are about.
+    """The adapter that the outcomes are about.
 
     Attributes:
         robot_class: the class of its robots, as `module:Class`.
-        distribution: what it was installed as, and the version; empty where it was not installed.
+        distribution: the installed distribution with its version; empty if the adapter was not installed.
         capabilities: what the robots declare.
         in_process: whether they live in this process.
     """
@@ -84,7 +84,7 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """The result of a run of the kit; without a subject where no robot could be opened."""
+    """The result of a run of the kit; without a subject if no robot got ready."""
 
     adapter: str
     subject: Subject | None
@@ -96,7 +96,7 @@ class Record:
         return Counter(outcome.verdict for outcome in self.outcomes)[verdict]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the record as plain data, with a hash over everything in it that a second run would repeat."""
+        """Return the record as plain data, with a hash over all of it but the clauses' times."""
         content: dict[str, Any] = {
             "kit_version": KIT_VERSION,
             "adapter": self.adapter,
@@ -140,11 +140,11 @@ class Record:
 
 
 def overall(outcomes: Sequence[Outcome], *, in_process: bool, given: bool = False) -> Overall:
-    """Return what the outcomes of all clauses say together.
+    """Return the overall verdict.
 
-    Core clauses must pass, and unless the robots live in this process those of the wire tier too; what a capability
-    that is not declared would need does not count. Truth clauses that were not tested cost the word of a witness. Of a
-    robot that the kit did not start, what could not be tried costs the whole verdict.
+    Core clauses must pass, and unless the robots live in this process those of the wire tier too. Clauses that need a
+    capability that is not declared do not count. Without the truth clauses the verdict is only self-reported. For a
+    robot that the kit did not start, clauses that could not be tried limit the verdict.
     """
     verdict = Overall.CONFORMS
     for outcome in outcomes:
@@ -175,11 +175,11 @@ def make_record(
 
     Args:
         adapter: the harness's name.
-        subject: whom it is about.
-        outcomes: of each clause tried.
-        complete: whether all clauses there are were to be tried.
-        finished: whether those that were to be tried have been.
-        given: whether the robot was there already.
+        subject: the adapter's robots; None if none got ready.
+        outcomes: the outcome of each clause tried.
+        complete: whether all existing clauses were selected.
+        finished: whether all selected clauses were tried.
+        given: whether the kit did not start the robot.
     """
     said = overall(outcomes, in_process=subject is not None and subject.in_process, given=given)
     if not (complete and finished) and not any(outcome.verdict is Verdict.FAIL for outcome in outcomes):
@@ -188,7 +188,7 @@ def make_record(
 
 
 def subject_of(bench: Bench) -> Subject | None:
-    """Return whom a bench was about, or None if no robot got ready on it."""
+    """Return the subject of a bench, or None if no robot got ready on it."""
     if bench.capabilities is None:
         return None
     kind = type(bench.fleets[-1].robots[0])

@@ -16,14 +16,14 @@ from soter.sdk.truth import StreamedTruth
 
 
 class Relay(Protocol):
-    """Passes messages both ways between an adapter and its robots, or does worse to them.
+    """Passes messages both ways between an adapter and its robots, and can impair them.
 
     Attributes:
-        cut: robots that nothing gets through to or from.
-        delay_s: every message comes so much later.
+        cut: robots whose messages are all lost.
+        delay_s: delay of every message.
         loss: share of the messages that is lost.
-        duplicate: share that comes twice.
-        reorder: share that comes after those that followed.
+        duplicate: share that is delivered twice.
+        reorder: share that is delivered after its successors.
     """
 
     cut: frozenset[int]
@@ -33,11 +33,11 @@ class Relay(Protocol):
     reorder: float
 
     def close(self) -> None:
-        """Stop passing. Idempotent."""
+        """Stop passing messages. Idempotent."""
 
 
 class Witness(Protocol):
-    """Hears what really happens, beside the adapter."""
+    """Observes where robots really are, independently of the adapter."""
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:
         """Return where a robot really is: x_m, y_m, heading_rad."""
@@ -47,18 +47,18 @@ class Witness(Protocol):
 
 
 class Closes(Protocol):
-    """Something that was started and ends."""
+    """Anything started that must be closed."""
 
     def close(self) -> None:
         """End it. Idempotent."""
 
 
 class Tells(Closes, Protocol):
-    """Robots that are simulated."""
+    """A simulator that publishes the truth."""
 
     @property
     def truth(self) -> str:
-        """Where it is told what really happens, as `host:port`."""
+        """Address at which the truth is published, as `host:port`."""
 
 
 WIDE_ROOMS: Final = Workspace(
@@ -71,8 +71,8 @@ WIDE_ROOMS: Final = Workspace(
 )  # fmt: skip
 """Three rooms of 2.4 m, for robots that take their time to stop; and a box beside the long leg of the first.
 
-Ids are neither 1 and 2 nor in order: they are no indices. One begins with another, as names do by which a wire may look
-things up.
+Ids are not 1 and 2 in order, so that ids taken for indices show, and one begins with another, so that names looked up
+by their beginning show.
 """
 
 
@@ -88,12 +88,12 @@ def in_wide_rooms(
 
 
 class RelayedHarness(Harness):
-    """Gives every optional hook by a relay and a witness; `open` and `start_driver` are the adapter's.
+    """Gives every optional hook by a relay and a witness; subclasses write `open` and `start_driver`.
 
-    What stands here fits robots that are simulated in `WIDE_ROOMS`, each fleet at free addresses, under `LIMITS`.
+    The attributes fit robots that are simulated in `WIDE_ROOMS`, each fleet at free addresses, under `LIMITS`.
 
     `open` sets `simulator`, `relay` and `fleet`; `start_driver` sets `simulator` and `witness`, and returns `driven`.
-    What is simulated is `specs`; what the adapter is asked for is `asked`.
+    The robots to simulate are `specs`; those to open through the adapter are `asked`.
     """
 
     room_m = 2.4
@@ -117,11 +117,11 @@ class RelayedHarness(Harness):
         self._stalls: list[subprocess.Popen[bytes]] = []
 
     def specs(self, robots: int) -> list[RobotSpec]:
-        """Return the first robots of `WIDE_ROOMS`, with what the last of them is asked to promise, and their charge."""
+        """Return the first robots of `WIDE_ROOMS`, with their charge, and the promises asked of the last one."""
         return in_wide_rooms(robots, self._promised, self._charge, self._lasts_s, self._charge_s)
 
     def asked(self, robots: int) -> list[RobotSpec]:
-        """Return which of so many robots the adapter is asked for: all, unless some were chosen."""
+        """Return the robots that the adapter is asked for: all, unless some were chosen."""
         there = self.specs(robots)
         return there if self._order is None else [there[each] for each in self._order]
 
@@ -156,27 +156,27 @@ class RelayedHarness(Harness):
         self._promised = self._charge = self._order = None
 
     def _watch(self, simulator: Tells) -> None:
-        """Have the kit see what is really happening in a simulator, which is ended by `close`."""
+        """Let the kit observe the truth of a simulator, which `close` ends."""
         self.simulator = simulator
         self.witness = StreamedTruth(simulator.truth, VehicleClock())
 
     def _end(self) -> None:
-        """End what is simulated, and who hears of it."""
+        """End the simulator and the witness."""
         for each in (self.witness, self.simulator):
             if each is not None:
                 each.close()
         self.witness = self.simulator = None
 
     def driven(self, opener: str, argument: str, target: Waypoint) -> subprocess.Popen[bytes]:
-        """Start a driver as `soter.conformance.driver.spawn` does; it is ended by `close`."""
+        """Start a driver as `soter.conformance.driver.spawn` does; `close` ends it."""
         process = driver.spawn(opener, argument, target)
         self._drivers.append(process)
         return process
 
     def stopped(self, process: subprocess.Popen[bytes], seconds: float) -> None:
-        """Let a process of the robots' stand still for so long from now; return at once."""
+        """Suspend a process of the robots for some seconds; return at once."""
         process.send_signal(signal.SIGSTOP)
-        # By a process of its own, so that it goes on whatever becomes of this one.
+        # A process of its own resumes it, whatever becomes of this one.
         self._stalls.append(
             subprocess.Popen(["/bin/sh", "-c", f"sleep {seconds}; kill -CONT {process.pid}"], start_new_session=True)
         )

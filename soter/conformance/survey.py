@@ -1,4 +1,4 @@
-"""Measuring a robot with the clauses of the kit: what it does, and what it had better promise."""
+"""Measures a robot with the clauses of the kit, and advises what it should promise."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from soter.sdk import Capabilities
 from soter.sdk.capabilities import ABOVE_0, WIDENS, Widens
 
 _FIRST: Final = ("bounds.rest", "truth.bounds.noise", "goto.v_max")
-"""What these find, the others go by."""
+"""Measured first, since the other clauses depend on their figures."""
 
 _THEN: Final = (
     "state.age", "bounds.jitter", "bounds.latency", "bounds.tube", "bounds.overshoot", "bounds.yaw_rate",
@@ -28,14 +28,14 @@ _THEN: Final = (
 )  # fmt: skip
 
 STEPS: Final = len(_FIRST) + len(_THEN)
-"""So many clauses measure."""
+"""How many clauses measure."""
 
 _WITNESS: Final = "truth.bounds.noise"
 
 _CHOSEN: Final[Mapping[str, float]] = {
     "v_max_m_s": 0.8, "yaw_rate_max_rad_s": 0.8, "lease_s": 0.0, "setpoint_period_s": 0.0
 }  # fmt: skip
-"""What is set rather than found: it stays as it is where the robot keeps it and uses at least this share of it."""
+"""Promises that are chosen: they stay as they are if the robot keeps them and uses at least this share of them."""
 
 _DIGITS: Final = 3
 _STEP: Final = 1e-4
@@ -45,15 +45,15 @@ _LEAST: Final = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """One promise, what was seen of it, and what it had better be.
+    """One promise, its measured value, and the advised one.
 
     Attributes:
-        name: of the capability, with its unit.
+        name: the capability, with its unit.
         promised: what the robot declares now.
-        measured: the worst that was seen; None if nothing was.
-        declared: what it had better declare, with the margin; what it declares now where nothing was seen.
-        clause: that measured it.
-        judge: who saw it, the truth or the robot's own estimate; empty if nobody did.
+        measured: the worst measured value; None if there is none.
+        declared: the advised declaration, with the margin; the present one if nothing was measured.
+        clause: the clause that measured it.
+        judge: the source of the figure, the truth or the robot's own estimate; empty if nothing was measured.
     """
 
     name: str
@@ -66,12 +66,12 @@ class Advice:
 
 @dataclass(frozen=True)
 class Survey:
-    """What came out.
+    """The result of measuring a robot.
 
     Attributes:
-        record: of the clauses that measured.
-        advice: on every promise that is a number, where a robot got ready.
-        table: the promise table, of what was measured.
+        record: the record of the clauses that measured.
+        advice: on every promise that is a number; empty if no robot got ready.
+        table: the options of the advised promise table, for what was measured.
     """
 
     record: Record
@@ -80,7 +80,7 @@ class Survey:
 
     @property
     def complete(self) -> bool:
-        """Whether no clause failed: figures that one would have taken are missing otherwise."""
+        """Whether no clause failed, so that no figures are missing."""
         return bool(self.advice) and self.record.count(Verdict.FAIL) == 0
 
 
@@ -93,10 +93,10 @@ def survey(
     """Drive a robot about its room, and measure what it may promise.
 
     Args:
-        given: the robot; what it promises is where measuring begins, and is widened where it is found to be too good.
-        margin: what is spared of each figure, as a share of it.
-        stop: asked all the time; once it says yes, the robot is stopped, and what was found up to then counts.
-        on_outcome: told of each clause.
+        given: the robot; measuring begins with its promises, which are widened if they turn out too good.
+        margin: the margin added to each figure, as a share of it.
+        stop: polled; once it returns True, the robot is stopped, and the figures up to then count.
+        on_outcome: called with each clause's outcome.
     """
     given = replace(given, judges=False)
     first = _tried(given, [CLAUSES[key] for key in _FIRST], stop, on_outcome)
@@ -120,7 +120,7 @@ def _tried(
 
 
 def _adjusted(given: Given, seen: Mapping[str, float]) -> Given:
-    """Return a robot that promises what was seen of it where that is worse, and no speed that it does not come near."""
+    """Return the robot with promises widened to the figures, and with no top speed that it does not come near."""
     promised = given.spec.promised
     assert promised is not None
     worse = {name: value for name, value in seen.items() if value > getattr(promised, name, math.inf)}
@@ -132,7 +132,7 @@ def _adjusted(given: Given, seen: Mapping[str, float]) -> Given:
 
 def _advised(given: Given, record: Record, margin: float) -> tuple[Sequence[Advice], Mapping[str, float]]:
     failed = {each.clause.id.removeprefix("truth.") for each in record.outcomes if each.verdict is Verdict.FAIL}
-    # What else was seen of it may be far from the worst.
+    # A failed clause may have missed the worst value, whatever others measured.
     unknown = {name for name, (by, _) in MEASURED_BY.items() if failed & {key.removeprefix("truth.") for key in by}}
     advice = []
     for each in measured_of(record):
@@ -145,12 +145,12 @@ def _advised(given: Given, record: Record, margin: float) -> tuple[Sequence[Advi
         judge = "truth" if each.clause.startswith("truth.") else "own estimate"
         advice.append(Advice(each.name, each.promised, each.measured, better, each.clause, judge))
     table = _table(given, {each.name: each.declared for each in advice if each.measured is not None})
-    # What the backend does not let its robots promise stays as it is.
+    # Promises that the backend has no option for stay as they are.
     return [each if each.name in table else replace(each, declared=each.promised) for each in advice], table
 
 
 def _spared(name: str, measured: float, margin: float) -> float:
-    """Return a figure with a margin on the side to which it may be wrong, rounded to that side."""
+    """Return a figure widened by a margin and rounded to the safe side."""
     down = WIDENS[name] is Widens.DOWN
     value = measured * (1.0 - margin if down else 1.0 + margin)
     if value <= 0.0:
@@ -163,7 +163,7 @@ def _rounded(value: float, step: float, *, down: bool) -> float:
 
 
 def _table(given: Given, wanted: Mapping[str, float]) -> Mapping[str, float]:
-    """Return what a promise table has to say so that robots declare so much: backends add to it, and multiply it."""
+    """Return the promise options with which robots declare the wanted values; backends add to and scale them."""
     backend, config = load_backend(given.backend), given.config
 
     def declared(**told: float) -> Capabilities:
@@ -172,7 +172,7 @@ def _table(given: Given, wanted: Mapping[str, float]) -> Mapping[str, float]:
 
     told = {name: max(value, _STEP) if name in ABOVE_0 else value for name, value in wanted.items()}
     for _ in range(_PASSES):
-        # What one figure adds to another is right in the second pass.
+        # Options also add to each other's declarations, which the second pass corrects for.
         for name, value in wanted.items():
             low = max(value, _LEAST)
             at_low, at_high = (getattr(declared(**{**told, name: each}), name) for each in (low, 2.0 * low))
@@ -184,7 +184,7 @@ def _table(given: Given, wanted: Mapping[str, float]) -> Mapping[str, float]:
         try:
             type(config).model_validate({**given_options, "promise": told})
         except ValidationError as failure:
-            # One rule may only be looked at once another is kept.
+            # Some rules are only checked once others hold: validate again.
             refused = {str(part) for error in failure.errors() for part in error["loc"]} & told.keys()
             told = {name: value for name, value in told.items() if name not in refused}
             if refused:

@@ -24,11 +24,11 @@ from soter.conformance.tally import Tally
 class AdapterSuite:
     """One test for each clause.
 
-    A clause that is NOT TESTED is skipped where the adapter may conform without it, and fails where it may not; once
-    robots have not got ready twice, none is tried.
+    A clause that is NOT TESTED is skipped if the adapter may conform without it, and fails otherwise. Once robots have
+    failed to get ready twice, no more clauses are tried.
 
     Attributes:
-        harness: makes the harness, such as its class; called for every test.
+        harness: returns a harness, such as its class does; called for every test.
     """
 
     harness: ClassVar[Callable[[], Harness]]

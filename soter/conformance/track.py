@@ -1,4 +1,4 @@
-"""What was seen of a robot while it was driven: samples of its way, and what they say."""
+"""The track of a robot, as samples of its way, and the speeds and ramps that are computed from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TURNING_RAD_S: Final = 0.1
 
 
 class TrackSample(NamedTuple):
-    """Where a robot was at one moment, as its own state or the truth has it. Metres, radians, seconds."""
+    """Where a robot was at one moment, by its own state or by the truth. Metres, radians, seconds."""
 
     at_s: float
     x_m: float
@@ -25,11 +25,11 @@ class TrackSample(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether it drives or turns, beyond what is noise."""
+        """Whether the robot drives or turns by more than noise."""
         return self.speed_m_s > MOVING_M_S or abs(self.yaw_rate_rad_s) > TURNING_RAD_S
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return how far it is from a place."""
+        """Return the distance to a place."""
         return math.hypot(self.x_m - x_m, self.y_m - y_m)
 
 
@@ -53,26 +53,25 @@ class Fastest(NamedTuple):
 
 
 def fastest(track: Sequence[TrackSample], speed_s: float, turn_s: float) -> Fastest:
-    """Return the top rates that samples say, or their poses over at least so long.
+    """Return the top rates by the samples' own figures, or by their poses over a least time.
 
     Args:
         track: oldest first.
-        speed_s: 0 to take the samples' word, which is exact where the truth is read in step with its simulation.
-            Elsewhere it is read at moments that the simulation does not know: only over some time is a change of pose
-            a speed.
+        speed_s: least time between two poses that make a speed; 0 to take the samples' own speeds. Those are exact if
+            the truth is read in step with its simulation; otherwise the moments of reading are uncertain.
         turn_s: the same for turn rates.
     """
     if speed_s <= 0.0:
         speed, turns = max(each.speed_m_s for each in track), [each.yaw_rate_rad_s for each in track]
     else:
-        # A clock that is learned anew on the way makes some windows seem short: one in twenty does not count.
+        # If the clock's offset is estimated anew on the way, some windows seem short: one in twenty does not count.
         speed = quantile([0.0, *(each[0] for each in _over(track, speed_s))], 0.95)
         turns = [each[1] for each in _over(track, turn_s)]
     return Fastest(speed, max((0.0, *turns)), -min((0.0, *turns)))
 
 
 def _over(track: Sequence[TrackSample], window_s: float) -> Iterator[tuple[float, float]]:
-    """Yield the speed and the yaw rate between samples that are at least so far apart, and hardly farther."""
+    """Yield the speed and the yaw rate between samples that are at least some time apart, and hardly more."""
     first = 0
     for last, sample in enumerate(track):
         while first + 1 < last and sample.at_s - track[first + 1].at_s >= window_s:
@@ -82,14 +81,14 @@ def _over(track: Sequence[TrackSample], window_s: float) -> Iterator[tuple[float
 
 
 class Ramp(NamedTuple):
-    """One change between rest and an even speed on a straight way, as fitted to what was seen.
+    """One change between rest and an even speed on a straight way, as fitted to a track.
 
     Attributes:
         begins_s: from the event to the first change of speed.
         lasts_s: from there to the end of the change.
         speed_m_s: the even speed.
-        run_m: how far the robot got from the event on; 0 for a start.
-        scatter_m: how far places were off the even way, at most.
+        run_m: how far the robot got after the event; 0 for a start.
+        scatter_m: how far places were off the even way at most.
     """
 
     begins_s: float
@@ -105,7 +104,7 @@ class Ramp(NamedTuple):
 
 
 CRUISE_S: Final = 0.3
-"""An even speed is taken from what was seen for so long."""
+"""Length of the part of a track from which an even speed is taken."""
 
 _CANDIDATES: Final = 40
 _EARLY_S: Final = 0.02
@@ -113,10 +112,10 @@ _SWIFT_M_S: Final = 0.01
 
 
 def fit_stop(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
-    """Return how a robot that drove evenly came to rest after an event; None where it did not drive before.
+    """Return how a robot that drove evenly came to rest after an event; None if it did not drive before.
 
-    The one unknown is when it begins to brake: the way that is left until rest then says how hard. So neither a late
-    brake nor a weak one is credited with what the other leaves.
+    The one unknown is when the robot begins to brake; the way from there to rest says how hard. So a late brake and a
+    weak one are told apart.
     """
     before = [each for each in track if event_s - CRUISE_S <= each.at_s <= event_s]
     line = _line(before, before)
@@ -135,13 +134,13 @@ def fit_stop(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
         ramp_s = lasts_s(begins_s)
         return sum((way - _braked(time_s, begins_s, ramp_s, speed)) ** 2 for time_s, way in after)
 
-    # Clocks that are learned may say that it began a little before the event; cut off, it would seem to brake harder.
+    # By an estimated clock braking may seem to begin just before the event; cut off there, it would seem harder.
     begins_s = _least(miss, -_EARLY_S, max(run_m / speed, 0.0))
     return Ramp(begins_s, lasts_s(begins_s), speed, run_m, scatter_m)
 
 
 def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
-    """Return how a robot at rest got going after an event; None where it did not get to an even speed."""
+    """Return how a robot at rest got going after an event; None if it did not get to an even speed."""
     after = [each for each in track if each.at_s > event_s]
     if not after:
         return None
@@ -151,7 +150,7 @@ def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
     speed, along, scatter_m = line[0], line[2], line[3]
     still = [along(each) for each in track if event_s - CRUISE_S <= each.at_s <= event_s]
     began = along(after[0]) if not still else sum(still) / len(still)
-    # Where the even way begins, if it were even from rest on: in the middle of the ramp.
+    # An even motion from rest to the same way would begin in the middle of the ramp.
     middle_s = max((began - line[1]) / speed - event_s, 0.0)
     ways = [(each.at_s - event_s, along(each) - began) for each in after]
 
@@ -166,7 +165,7 @@ def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
 def _line(
     even: Sequence[TrackSample], whole: Sequence[TrackSample]
 ) -> tuple[float, float, Callable[[TrackSample], float], float] | None:
-    """Return the speed of samples on an even straight way, the way at time 0, along their course, and their scatter."""
+    """Return a line fitted to samples of an even way: speed, way at time 0, projection on the course, scatter."""
     if len(even) < 3 or even[-1].at_s <= even[0].at_s:
         return None
     dx, dy = even[-1].x_m - whole[0].x_m, even[-1].y_m - whole[0].y_m
@@ -205,7 +204,7 @@ def _begun(time_s: float, begins_s: float, lasts_s: float, speed: float) -> floa
 
 
 def _least(miss: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function of one valley is least."""
+    """Return where a function with one minimum is least."""
     best = low
     for _ in range(2):
         step = (high - low) / _CANDIDATES
@@ -215,6 +214,6 @@ def _least(miss: Callable[[float], float], low: float, high: float) -> float:
 
 
 def quantile(values: Sequence[float], share: float) -> float:
-    """Return the value that this share of all values does not exceed, the next larger one that was seen."""
+    """Return the least of the values that this share of them does not exceed."""
     ordered = sorted(values)
     return ordered[min(max(math.ceil(share * len(ordered)) - 1, 0), len(ordered) - 1)]

@@ -39,16 +39,16 @@ class Trial(NamedTuple):
 def measure_braking(
     bench: Bench, trials: Sequence[Trial], what: str, name: str = "brake_m_s2", blur: float = 1.0
 ) -> None:
-    """Judge how hard a robot braked, each time from its own first deceleration on.
+    """Judge how hard a robot braked, in each trial from its first deceleration on.
 
-    Each way is judged by itself; on a wire, where one trial is off by more, only if there are enough of each.
+    Forwards and backwards are judged apart; on a wire, where single trials are less exact, only with enough of each.
 
     Args:
-        bench: of the trials.
-        trials: which.
-        what: stopped it, in words.
-        name: of the figure.
-        blur: by how many times less sharply it is seen than from full speed.
+        bench: the bench of the trials.
+        trials: the trials.
+        what: the cause of the stop, in words.
+        name: the figure's name.
+        blur: how many times larger the error is than from full speed.
     """
     brake = bench.caps.brake_m_s2
     share = blur * share_off(bench, brake, at_least=True)
@@ -60,7 +60,7 @@ def measure_braking(
         ways = {"": [each.end.rate_m_s2 for each in trials]}
     for way, seen in ways.items():
         if seen:
-            # Two of three may have met a host that was busy; brakes that are weak are so every time.
+            # Two of three trials may have met a busy host; weak brakes are weak every time.
             bench.measure(
                 name, max(seen) if len(seen) <= _ENOUGH else median(seen), brake, share * brake,
                 f"{what}{way} it ran on too far once it had begun to brake: brake_m_s2 is declared better than it is",
@@ -69,7 +69,7 @@ def measure_braking(
 
 
 def share_off(bench: Bench, rate_m_s2: float, *, at_least: bool = False) -> float:
-    """Return by what part a rate may be off that speed changes at: on a wire a few readings are all there is of one."""
+    """Return the relative error of a measured acceleration: on a wire there are only a few readings of each ramp."""
     return (_SHARE_IN_PROCESS if bench.caps.in_process else _SHARE) + bench.blurred(rate_m_s2, at_least=at_least)
 
 
@@ -83,7 +83,7 @@ class ToAndFro:
         self.goal = robot.goto(self.end, Controller.AC)
 
     def go_on(self, *, anew: bool = False, speed_m_s: float | None = None) -> bool:
-        """Send it on where it has arrived, or in any case, so fast; return False, so that driving goes on."""
+        """Send the robot to the other end if it has arrived, or if `anew`; return False, so that driving goes on."""
         if not self.goal.active:
             self.end = next(self._ends)
         if anew or not self.goal.active:
@@ -94,10 +94,10 @@ class ToAndFro:
 class Shuttle:
     """Drives a robot to and fro in its room, from rest to an even speed and to rest.
 
-    A robot that reverses goes forwards and backwards in turn, any other turns round where its room ends.
+    A robot that reverses goes forwards and backwards in turn; any other turns round at the end of its room.
 
     Attributes:
-        end: of the room, straight ahead of the robot.
+        end: the end of the room straight ahead of the robot.
     """
 
     def __init__(self, bench: Bench, robot: Robot) -> None:
@@ -125,16 +125,16 @@ class Shuttle:
         """Yield how the robot got going after a goto, and how it came to rest after `stop`.
 
         Args:
-            count: how many.
+            count: how many trials.
             stop: stops the robot, which drives to the goal.
-            waits_s: how much later than at once it may begin to stop.
-            renew: whether the lease is renewed while it comes to rest.
+            waits_s: how long the robot may wait before it begins to stop.
+            renew: whether the lease is renewed while the robot comes to rest.
             cause: the likely cause if it does not.
             speed_m_s: a cap on the speed, or None.
             after: called after every trial, with the robot at rest.
         """
         bench, robot = self._bench, self._robot
-        # A host that stops for longer than the lease stops the robot too: a few trials may be void for that.
+        # A host that pauses for longer than the lease stops the robot too, which may void a few trials.
         good, void = 0, -max(_VOID, count // 8)
         while good < count:
             needs_m = bench.caps.v_max_m_s * (2.0 * self._reaction_s + 2.0 * self._ramp_s + 2.0 * CRUISE_S + waits_s)
@@ -166,7 +166,7 @@ class Shuttle:
             del seen[: -len(bench.since(robot, bench.now_s - 2.0 * CRUISE_S))]
 
     def measure_start(self, name: str, cause: str, call: Callable[[], object] = lambda: None) -> None:
-        """Judge how soon the robot, which rests, gets going after a call and the goto that follows it at once."""
+        """Judge how soon the robot gets going from rest after a call and an immediate goto."""
         bench, robot = self._bench, self._robot
         called_s = bench.now_s
         call()
@@ -185,7 +185,7 @@ class Shuttle:
         return goal
 
     def _rest(self, waits_s: float, cause: str, *, renew: bool) -> None:
-        """See the robot come to rest."""
+        """Wait until the robot is at rest; fail the clause if it never is."""
         bench, robot = self._bench, self._robot
         bench.run(waits_s + self._reaction_s + 1.5 * self._ramp_s + _REST_S, renew=renew, closely=True)
         give_up_s = bench.now_s + _LONGEST_REST_S
@@ -197,7 +197,7 @@ class Shuttle:
         bench.require(False, f"it still moves {_LONGEST_REST_S:.0f} s after it had to be at rest: {cause}")
 
     def _turn(self) -> None:
-        """Point the robot at the other end, so that what follows is straight ahead."""
+        """Point the robot at the other end, so that the following trials are straight ahead."""
         bench, robot = self._bench, self._robot
         ahead, behind = bench.place(robot, _END), bench.place(robot, -_END)
         here = bench.look(robot)
@@ -208,7 +208,7 @@ class Shuttle:
         self._driven, self._behind = 0, self._straight_back() if bench.caps.reverses else None
 
     def _straight_back(self) -> Waypoint | None:
-        """Return a target that is driven to backwards; None where the robot takes no headings, which say that."""
+        """Return a target to reach backwards; None if the robot takes no headings, by which a goal asks for that."""
         bench, robot = self._bench, self._robot
         here = bench.look(robot)
         heading_rad = math.atan2(self.end.y_m - here.y_m, self.end.x_m - here.x_m)
@@ -224,7 +224,7 @@ class Shuttle:
         return None
 
     def _wait_oddly(self) -> None:
-        """Let a call come at any phase of the vehicle's period; in virtual time all come at whole ones."""
+        """Vary the phase of the vehicle's period at which the next call comes; not in process, where all are alike."""
         bench = self._bench
         if bench.caps.in_process:
             return

@@ -1,4 +1,4 @@
-"""What this process holds of the system: threads, file descriptors, processes that it started, memory."""
+"""The system resources that this process holds: threads, file descriptors, processes that it started, memory."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _MIB: Final = 1 << 20
 
 
 class Usage(NamedTuple):
-    """What is held at one moment.
+    """The resources held at one moment.
 
     Attributes:
-        threads: by the kernel's id, each with its name.
-        descriptors: by number, each with what it leads to.
-        processes: that descend from this one, ended ones that nobody has waited for too; by id, with their command.
-        memory_mib: what is resident.
+        threads: names of threads, by the kernel's id.
+        descriptors: targets of file descriptors, by number.
+        processes: commands of this process's descendants, zombies included, by id.
+        memory_mib: resident memory.
     """
 
     threads: dict[int, str]
@@ -28,7 +28,7 @@ class Usage(NamedTuple):
 
 
 def usage() -> Usage | None:
-    """Return what this process holds, or None on a system that does not say so in /proc."""
+    """Return what this process holds, or None on a system without /proc."""
     own = _PROC / "self"
     if not (own / "task").is_dir():
         return None
@@ -43,7 +43,7 @@ def _descendants() -> dict[int, str]:
     commands, parents = {}, {}
     for each in _PROC.iterdir():
         if each.name.isdigit() and (stat := _text(each / "stat")):
-            # The name stands in brackets and may hold any.
+            # The name stands in brackets and may itself contain brackets.
             name, _, rest = stat.rpartition(")")
             words = _text(each / "cmdline").replace("\0", " ") or name.partition("(")[2]
             commands[int(each.name)], parents[int(each.name)] = words, int(rest.split()[1])
@@ -56,7 +56,7 @@ def _descendants() -> dict[int, str]:
 
 
 def _text(path: Path) -> str:
-    """Return a file of a thread or process, which may have ended meanwhile."""
+    """Return the text of a file in /proc; empty if its thread or process has ended."""
     try:
         return path.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

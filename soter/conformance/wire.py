@@ -1,4 +1,4 @@
-"""A harness for backends that start simulated robots: what differs between wires is the relay."""
+"""A harness for backends that start simulated robots; subclasses for different wires bring their own relay."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from soter.sdk.wire import Simulator, WireBackend
 
 
 class WireRelay(Relay, Protocol):
-    """A relay that takes the robots' place."""
+    """A relay with addresses that stand for the robots'."""
 
     @property
     def addresses(self) -> Mapping[int, Any]:
-        """By robot, where the relay is, as the adapter is configured with."""
+        """The relay's address for each robot, as in the adapter's configuration."""
 
 
 class WireHarness(RelayedHarness):
-    """Opens simulated robots behind a relay, for every fleet anew, at addresses that are free."""
+    """Opens simulated robots behind a relay, started for every fleet, at free addresses."""
 
     backend: ClassVar[type[WireBackend]]
     limits: RuleLimits = LIMITS
@@ -57,26 +57,26 @@ class WireHarness(RelayedHarness):
     def second(self) -> Fleet:
         """Return another program's connection to the robots of the open fleet, beside the first one.
 
-        It has a relay of its own: to the robots it is somebody else.
+        The connection has a relay of its own, so that robots see a different sender.
         """
         relay = self.impair(self._simulated().robots)
         self._beside.append(relay)
         return self._connect(relay)
 
     def step_clock(self, robot_id: int, seconds: float) -> None:
-        """Set a vehicle's own clock forward, or back where negative, while it goes on."""
+        """Set a vehicle's own clock forward, or back if negative, while its program goes on."""
         self._simulated().step_clock(robot_id, seconds)
 
     def restart(self, robot_id: int) -> None:
-        """Restart a vehicle's program: it forgets who is in charge, its target and its lease; its clock begins at 0."""
+        """Restart a vehicle's program, which forgets active controller, target and lease; its clock begins at 0."""
         self._simulated().restart(robot_id)
 
     def stall(self, robot_id: int, seconds: float) -> None:
-        """Let the robots' program stand still; their world is lived through when it goes on."""
+        """Suspend the robots' program; when it goes on, it makes up for the simulated time."""
         self.stopped(self._simulated().process, seconds)
 
     def switchable(self) -> Switchable:
-        """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
+        """Return a fleet of one fresh robot without a relay, and its switch; there is no truth while it is off."""
         robots = self._start(1).robots
         self.fleet = _open(self.backend, robots, None, self.asked(1))
         return Switchable(self.fleet, self._end, lambda: self._begin_anew(robots))
@@ -100,7 +100,7 @@ class WireHarness(RelayedHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return the first robot at addresses that come as JSON; what the kit's driver process calls."""
+    """Return a fleet of the first robot at addresses given as JSON; called in the kit's driver process."""
     target, given = json.loads(argument)
     return _open(pkgutil.resolve_name(target), given["robots"], given["truth"], in_wide_rooms(1))
 

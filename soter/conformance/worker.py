@@ -1,4 +1,4 @@
-"""The process in which clauses are tried: what crashes or hangs in it costs the clause that was being tried."""
+"""The process in which clauses are tried: a crash or a hang costs only the clause that was being tried."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _LONGEST_REASON: Final = MAX_MESSAGE_BYTES // 8
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
-    """The harness is there.
+    """The harness is ready, or was refused.
 
     Attributes:
-        name: its name.
+        name: the harness's name.
         side_by_side: whether several of its fleets may be open at once.
-        on_wire: whether its robots keep time with the host, so that clauses mostly wait.
+        on_wire: whether its robots run on the host's time, so that clauses mostly wait.
         clause_limit_s: how long a clause may take.
-        refusal: why it is not there; empty if it is.
+        refusal: why there is no harness; empty if there is.
     """
 
     name: str = ""
@@ -47,10 +47,10 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
 
 
 class Told(msgspec.Struct, frozen=True, tag=True):
-    """What came out of one clause; the attributes are those of `Outcome`.
+    """The result of one clause, with the attributes of `Outcome` and two more.
 
     Attributes:
-        subject: whom it is about.
+        subject: the adapter's robots.
         fit: whether another clause may be tried in this process.
     """
 
@@ -64,22 +64,22 @@ class Told(msgspec.Struct, frozen=True, tag=True):
     fit: bool
 
     def outcome(self) -> Outcome:
-        """Return it as the kit has it."""
+        """Return the kit's outcome."""
         clause = CLAUSES[self.clause]
         return Outcome(clause, self.verdict, self.reason, self.figures, self.host_s, self.unready)
 
 
 def decode(data: bytes) -> Ready | Told:
-    """Return what a worker says."""
+    """Return a worker's message."""
     return msgspec.msgpack.decode(data, type=Ready | Told)
 
 
 class _Stopped(BaseException):
-    """The kit is to end: what is open is closed on the way out."""
+    """Raised to end the process, so that all that is open is closed on the way out."""
 
 
 def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> None:
-    """Try the clauses that are named through a socket until it is closed; stdin names the harness."""
+    """Try the clauses whose ids come through a socket, until it is closed; stdin names the harness."""
     die_with_parent(lifeline_fd)
     faulthandler.enable()
     target = pickle.load(stdin)  # noqa: S301 - from the parent
@@ -114,7 +114,7 @@ def _serve(link: socket.socket, target: str | Given) -> None:
 def _left(first: Usage | None, now: Usage | None) -> bool:
     if first is None or now is None:
         return False
-    # Against the first clause's end, by which libraries have started what they keep.
+    # Compared with the end of the first clause, when libraries have started the threads that they keep.
     counted = (first.threads, now.threads), (first.descriptors, now.descriptors), (first.processes, now.processes)
     return any(len(after) - len(before) > _LEFTOVERS for before, after in counted)
 

@@ -1,6 +1,6 @@
-"""Tries clauses in processes of their own, one or several side by side; the kit survives its subject.
+"""Tries clauses in processes of their own, one or several side by side, so that a crash does not end the kit.
 
-A clause in which the process crashes, exits or hangs fails, and the next one is tried in another process.
+A clause whose process crashes, exits or hangs fails, and the next one is tried in another process.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from soter.errors import BackendError
 from soter.isolation.child import Child, ChildDied
 
 _START_S: Final = 210.0
-"""A process that is not ready for the first clause by then is killed."""
+"""Time after which a process that is not ready for its first clause is killed."""
 
 _A_CORE: Final = 2
-"""So many clauses on a wire a core bears at once, and half of it is left: most of one is waiting."""
+"""How many clauses on a wire a core can try at once with half of it left: most of a clause is waiting."""
 
 _MOST_JOBS: Final = 4
 _LONGEST: Final = ("endurance.minute", "several.second", "truth.capabilities.asked")
-"""Tried early where others are tried beside them: the last to begin would keep the rest waiting."""
+"""The longest clauses: tried early when clauses run side by side, since a late one would delay the end."""
 
 _LOOK_S: Final = 0.05
 _CLOSING_S: Final = 10.0
@@ -40,11 +40,11 @@ _STDERR: Final = 2
 
 
 class _Worker:
-    """A process that tries one clause at a time, and the next one in its place once it is gone or unfit.
+    """A process that tries one clause at a time, and is replaced by another once it is gone or unfit.
 
     Args:
         target: the harness, as `find_harness` takes it.
-        stuck_s: how long a clause may take; None: until it should have been given up and closed.
+        stuck_s: how long a clause may take; None for its own limit and the time to close.
     """
 
     def __init__(self, target: str | Given, stuck_s: float | None) -> None:
@@ -57,18 +57,18 @@ class _Worker:
         self.ready: Ready | None = None
 
     def begin(self, clause: Clause | None) -> None:
-        """Begin with a clause; with None only get ready."""
+        """Begin with a clause; with None, only get ready."""
         self.clause, self._began_s = clause, time.monotonic()
         if self._child is None:
             self._child = Child(f"{__package__}.worker", self._target, output_fd=_STDERR)
             self._starting = True
         if clause is not None:
-            # If it is dead by now, `look` finds out.
+            # If the process is dead by now, `look` finds out.
             with contextlib.suppress(ChildDied):
                 self._child.send(clause.id.encode())
 
     def look(self, patience_s: float) -> tuple[Outcome, Subject | None] | None:
-        """Return what has come out of the clause, if anything has within so long."""
+        """Return the outcome of the clause and its subject, if there is one within `patience_s`."""
         assert self._child is not None
         try:
             data = self._child.receive(patience_s)
@@ -88,7 +88,7 @@ class _Worker:
             )
         told = decode(data)
         if isinstance(told, Ready):
-            # The time that it took to start is not the clause's.
+            # The start of the process does not count towards the clause's time.
             self.ready, self._starting, self._began_s = told, False, time.monotonic()
             return None
         return self._ended(told)
@@ -113,33 +113,33 @@ class _Worker:
         return Outcome(clause, Verdict.FAIL, reason, (), time.monotonic() - self._began_s, stuck), None
 
     def ask_to_end(self) -> None:
-        """Let it close what it has open, if it is busy, and end."""
+        """Let the process close all that it has open, if it is busy, and end."""
         if self._child is not None and self.clause is not None and self._child.how_it_ended() is None:
             os.kill(self._child.pid, signal.SIGTERM)
 
     def end(self, grace_s: float = 0.0) -> None:
-        """End the process, and whatever it has started; idempotent."""
+        """End the process and all that it has started. Idempotent."""
         if self._child is not None:
             self._child.kill(grace_s)
             self._child = None
 
 
 class Workshop:
-    """Tries clauses on a harness in other processes. A context manager, which ends them.
+    """Tries clauses on a harness in other processes. A context manager, which ends the processes.
 
     Args:
-        target: a backend's name, or a harness as `module:Harness`, both imported there, and not here; or a robot that
-            is given.
-        jobs: how many clauses are tried side by side, where the harness allows it; None for what the cores bear.
-        stop: asked all the time; once it says yes, the robots are stopped and nothing more is tried.
-        stuck_s: after which a clause that cannot be interrupted is killed, in seconds of the host.
+        target: a backend's name, a harness as `module:Harness`, both imported in those processes only, or a robot that
+            the kit did not start.
+        jobs: how many clauses are tried side by side, if the harness allows it; None for as many as the cores can.
+        stop: polled; once it returns True, the robots are stopped and no more clauses are tried.
+        stuck_s: time on the host after which a clause that cannot be interrupted is killed.
 
     Attributes:
         name: what the harness calls the adapter.
         jobs: how many clauses are tried side by side.
 
     Raises:
-        BackendError: there is no such harness, or it cannot be used here.
+        BackendError: there is no such harness, or the harness cannot be used here.
     """
 
     def __init__(
@@ -187,17 +187,17 @@ class Workshop:
         on_outcome: Callable[[Outcome, Record], None] | None = None,
         on_begin: Callable[[Collection[Clause]], None] | None = None,
     ) -> Record:
-        """Try clauses; none that crashes or hangs stops the others. The record of a stopped run is of what there is.
+        """Try clauses; one that crashes or hangs does not stop the others. Return the record, of a stopped run as well.
 
         Args:
-            clauses: which.
-            on_outcome: told of each outcome as it comes, and of the record with it.
-            on_begin: told which clauses are being tried, when that changes.
+            clauses: the clauses to try.
+            on_outcome: called with each outcome and the record so far.
+            on_begin: called with the clauses being tried, when they change.
         """
         tally = Tally(self.name, clauses, on_outcome, given=self._given)
         waiting = deque(tally.clauses)
         if self.jobs > 1:
-            # The first few say whether robots are there at all.
+            # The first few show whether there are robots at all.
             first, rest = tally.clauses[: self.jobs], tally.clauses[self.jobs :]
             waiting = deque([*first, *sorted(rest, key=lambda each: each.id not in _LONGEST)])
         while not self._stop():

@@ -1,6 +1,6 @@
-"""Anything: whatever robots are told, in whatever order, each does what it was told last.
+"""Anything: whatever commands robots get, in whatever order, each obeys its latest one.
 
-Other clauses each try one thing; here what a command leaves behind meets the ones after it, of all kinds, at random.
+Other clauses each try one thing. Here commands of all kinds follow at random, and show what each leaves behind.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ _SILENT_EVERY_S: Final = 9.0
 _SILENT_S: Final = 0.5
 _TIMEOUT_S: Final = 1.0
 _WAITS_S: Final = ((TICK_S, TICK_S), (TICK_S, 0.6), (0.6, 4.0), (math.inf, math.inf))
-"""From when to when after a command the next one comes; infinite: once the goal has ended and the robot stands."""
+"""Ranges of the time until the next command; infinite: not before the goal has ended and the robot stands."""
 
 _HOW_OFTEN: Final = (25, 25, 35, 15)
 _REACH: Final = 0.8
 _CAPPED: Final = 0.3
 _LEAST_CAP: Final = 0.3
 _SHOWN: Final = 6
-"""So many of the last commands are told where one was not done."""
+"""How many of the last commands a failure lists."""
 
 _TURN_ENDS_S: Final = 0.5
 _FASTER: Final = 1.05
 _GETS_ALONG_S: Final = 1.0
 _GETS_ALONG: Final = 0.6
 _HERE: Final = 0.15
-"""Where so much of its room is left to its target it may slow down already."""
+"""Distance to its target, as a share of the room, at which a robot may already slow down."""
 
 
 @clause("endurance.anything")
@@ -62,7 +62,7 @@ def anything(bench: Bench) -> None:
 
 
 def _be_silent(bench: Bench, told: Sequence[_Told]) -> None:
-    """See that all robots stand while their leases are not renewed."""
+    """Fail the clause unless all robots stand while their leases are not renewed."""
     bench.run(bench.orphaned_s() + bench.caps.sample_age_s + _TURN_ENDS_S, renew=False)
     for each in told:
         each.note("silence")
@@ -70,15 +70,15 @@ def _be_silent(bench: Bench, told: Sequence[_Told]) -> None:
     bench.run(_SILENT_S, renew=False)
     for each in told:
         each.judge_rest()
-        # Once it is renewed each goes on with what it was told.
+        # Once its lease is renewed, each robot resumes its latest command.
         each.note("renewals")
 
 
 class _Told:
-    """Tells a robot this and that, and judges whether it does what it was told last.
+    """Sends a robot random commands, and judges whether it obeys the latest one.
 
     Attributes:
-        sent: how many commands there were.
+        sent: how many commands were sent.
     """
 
     def __init__(self, bench: Bench, robot: Robot) -> None:
@@ -101,7 +101,7 @@ class _Told:
         self._stops_s: Final = self._reacts_s + caps.v_max_m_s / caps.brake_m_s2 + _TURN_ENDS_S
 
     def go_on(self) -> None:
-        """Tell it something if it is time for that."""
+        """Send the next command if it is due."""
         bench = self._bench
         if self._awaited:
             if self._wanted:
@@ -122,12 +122,12 @@ class _Told:
         self._next_s = bench.now_s + (0.0 if self._awaited else self._random.uniform(low_s, high_s))
 
     def note(self, what: str) -> None:
-        """Take note of what it is told, or not told, just now."""
+        """Note the command, or the lack of renewals, that begins now."""
         self._said.append(what)
         self._told_s, self._rest, self._from = self._bench.now_s, None, None
 
     def judge(self) -> None:
-        """See whether what it does is what it was told last."""
+        """Fail the clause unless the robot obeys its latest command."""
         bench, robot, goal = self._bench, self._robot, self._goal
         sample = bench.tracks[robot.id][-1]
         since_s = sample.at_s - self._told_s
@@ -154,7 +154,7 @@ class _Told:
             self._require(self._left_m() <= most_m, f"has REACHED a goal that is {self._left_m():.2f} m away")
 
     def judge_rest(self) -> None:
-        """See that it stands where it stood when that was judged first."""
+        """Fail the clause unless the robot stands where it stood when its rest was first judged."""
         bench, sample = self._bench, self._bench.tracks[self._robot.id][-1]
         rest = self._rest = self._rest or sample
         moved_m = sample.distance_m(rest.x_m, rest.y_m)
@@ -172,7 +172,7 @@ class _Told:
         self._require(sample.speed_m_s <= most_m_s, f"drives {sample.speed_m_s:.3f} m/s where {cap_m_s:.3f} is the cap")
 
     def _judge_way(self, sample: TrackSample, since_s: float) -> None:
-        """See that it gets nearer to its target, once it has had time to turn there."""
+        """Fail the clause unless the robot gets nearer to its target, once it has had time to turn there."""
         bench, caps, target = self._bench, self._robot.capabilities, self._target
         if not caps.pivots_first or target.heading_rad is not None or since_s < self._turns_s:
             return
@@ -189,19 +189,19 @@ class _Told:
 
     @property
     def _wanted(self) -> bool:
-        """Whether it has something to do."""
+        """Whether the robot has a goal to work on."""
         return self._goal is not None and self._goal.active and not self._dropped
 
     @property
     def _settles_s(self) -> float:
-        """How long it may go on to its target, and turn to its heading, once it is within the radius."""
+        """How long the robot may drive on to its target, and turn to its heading, once it is within the radius."""
         target = self._target
         drives_s = target.radius_m / (target.speed_m_s or self._robot.capabilities.v_max_m_s)
         return SETTLE_S + drives_s + (0.0 if target.heading_rad is None else self._turns_s)
 
     @property
     def _over_s(self) -> float:
-        """Since when it has nothing to do."""
+        """The fleet time since which the robot has had nothing to do."""
         return max(self._told_s, (self._goal and self._goal.ended_s) or 0.0)
 
     def _left_m(self) -> float:
@@ -216,10 +216,10 @@ class _Told:
                 f"{', '.join(self._said)}; one of them is lost, late, taken for another, or done though it is over",
             )
 
-    # --- what it is told -----------------------------------------------------------------------------------
+    # --- the commands --------------------------------------------------------------------------------------
 
     def _place(self) -> Waypoint:
-        """Return somewhere in its room, at times with a speed cap."""
+        """Return a random target in the robot's room, sometimes with a speed cap."""
         bench, chance, caps = self._bench, self._random.random, self._robot.capabilities
         far, course_rad = _REACH * math.sqrt(chance()), math.tau * chance()
         place = bench.place(self._robot, far * math.cos(course_rad), far * math.sin(course_rad))

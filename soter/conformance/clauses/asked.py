@@ -1,4 +1,4 @@
-"""Asked for: a robot that is asked to promise something of its own keeps that, and not what its kind declares."""
+"""Asked for: a robot that is asked for a promise of its own keeps that one, and not its class's."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ def obeys_at_once(bench: Bench) -> None:
 
 
 def _from_rest(bench: Bench, robot: Robot) -> None:
-    """See a robot at rest get going within the latency when its new controller is put in charge and asks at once."""
+    """Judge whether a robot at rest gets going within the latency when a new controller sends a goal at once."""
     bench.run(SETTLE_S)
     robot.switch_ac_sc(Controller.AC, "conformance")
     shuttle = Shuttle(bench, robot)
@@ -151,7 +151,7 @@ def idempotent(bench: Bench) -> None:
     """A switch to the controller in charge renews the lease and disturbs nothing, nor does a hand-over sent again."""
     robot = bench.open_one()
     goal = bench.get_going(robot, bench.place(robot, 0.8))
-    # What names no goal in progress now need not do so later.
+    # Samples that do not name the goal in progress now need not do so later.
     numbered = robot.read_state().goal_id == goal.id
 
     def renew() -> bool:
@@ -260,7 +260,7 @@ def alternations(bench: Bench) -> None:
             state = robot.read_state()
             return state.controller in (to, None) and named in (state.goal_id, None)
 
-        # Nothing is said again meanwhile: what a renewal repeats would hide what the hand-over itself did.
+        # No renewals meanwhile: they repeat the active controller, and would hide a hand-over that was lost.
         bench.run(within_s, done, renew=False)
         state = bench.look(robot).state
         found, old = state.controller, state.stamp_s < switch.requested_s + caps.latency_s

@@ -31,7 +31,7 @@ def latency(bench: Bench) -> None:
         "latency_s is declared too small, commands wait in a queue or some are dropped, or samples wait before they "
         "are received, each for as long, or are stamped anew"
     )
-    # Nine of ten are judged sharply; of the rest one may have met a host that was busy for a moment.
+    # Nine of ten trials are judged sharply; one of the rest may have met a host that was busy for a moment.
     bench.measure(
         "latency_s", quantile(seen, 0.9), caps.latency_s, bench.fit_s, cause, spread=seen
     )  # fmt: skip
@@ -56,7 +56,7 @@ def jitter(bench: Bench) -> None:
         bench.require(late_s >= -1e-6, f"the clock's sleep_until() returned {-late_s:.4f} s early")
         lateness.append(late_s)
     cause = "the host is too slow for the speed-up, or jitter_s is declared too small"
-    # One in twenty is judged less sharply: a host that is busy for a moment is no fault of the adapter's.
+    # One in twenty is judged less sharply: a host that is busy for a moment is not the adapter's fault.
     bench.measure("jitter_s", quantile(lateness, 0.95), bench.caps.jitter_s, 1e-4, cause, spread=lateness)
     bench.measure(
         "jitter_rare_s", quantile(lateness, 1.0 if bench.caps.in_process else 0.99), 2.0 * bench.caps.jitter_s,
@@ -75,7 +75,7 @@ def rest(bench: Bench) -> None:
     shown = [math.hypot(each.vx_m_s, each.vy_m_s) for each in seen]
     cause = "at rest, samples show more than is promised: an estimate that roams, or a robot that nothing holds"
     bench.measure("speed_noise_m_s", max(shown), bench.speed_noise_m_s, bench.still_m / _RESTS_S, cause, spread=shown)
-    # Of two samples either may be off.
+    # Either of the two samples may be off.
     apart_m = max(math.hypot(each.x_m - seen[0].x_m, each.y_m - seen[0].y_m) for each in seen)
     bench.measure("position_noise_m", apart_m / 2.0, caps.position_noise_m, STILL_M / 2.0, cause)
     turned_rad = max(abs(turn(seen[0].heading_rad, each.heading_rad)) for each in seen)
@@ -109,7 +109,7 @@ def clock(bench: Bench) -> None:
 
 
 def turns_at_least(bench: Bench) -> float:
-    """Return the turn rate that a robot is to come to: a wire's vehicle may be slow in getting there."""
+    """Return the turn rate that a robot must reach: less on a wire, where vehicles may take long to get there."""
     return (_TURNS_IN_PROCESS if bench.caps.in_process else _TURNS) * bench.caps.yaw_rate_max_rad_s
 
 
@@ -147,7 +147,7 @@ def noise(bench: Bench) -> None:
     bench.require(bool(pairs), "no sample has the stamp of a moment at which the robot was watched: stamps are wrong")
     off_m = [math.hypot(s.state.x_m - x_m, s.state.y_m - y_m) for s, x_m, y_m, _ in pairs]
     off_rad = [abs(turn(heading_rad, s.state.heading_rad)) for s, _, _, heading_rad in pairs]
-    # On a wire the truth, too, comes late where the host is busy for a moment: the rest is judged less sharply.
+    # On a wire the truth comes late, too, while the host is busy: the worst hundredth is judged less sharply.
     share, late_s = (1.0, 0.0) if caps.in_process else (0.99, caps.sample_age_s + caps.jitter_s)
     cause = "another frame or unit, rounded, stamps newer than the sample, or position_noise_m is declared too small"
     bench.measure(
@@ -166,7 +166,7 @@ def noise(bench: Bench) -> None:
 
 
 def _beside(track: list[TrackSample]) -> list[tuple[TrackSample, float, float, float]]:
-    """Return samples with the true pose at their stamps, between two looks at the truth."""
+    """Return samples with the true pose at their stamps, interpolated between two readings of the truth."""
     found, first = [], 0
     for sample in track:
         stamp_s = sample.state.stamp_s
@@ -207,7 +207,7 @@ def velocity(bench: Bench) -> None:
         "speed_noise_m_s", worst, noise_m_s, slack_m_s,
         "velocities are off the truth: another unit or frame, too low, late, or speed_noise_m_s is declared too small",
     )  # fmt: skip
-    # Means over a window agree to what one period, and the age of the sample, make of a change of speed.
+    # Means over a window may differ by the change of speed within one period and the sample's age.
     late_s = caps.sample_age_s + caps.setpoint_period_s + TICK_S
     bench.measure(
         "speed_lag_m_s", lag, noise_m_s + caps.v_max_m_s * min(late_s / (2.0 * window_s), 1.0), slack_m_s,

@@ -12,7 +12,7 @@ from soter.sdk import Capabilities, Controller, GoalStatus
 
 _WAYS = ((0.5, 0.2), (-0.1, 0.4))
 _U_TURNS = ((0.4, 0.4), (-0.4, -0.4)) * 4
-"""Right behind it a robot may turn to either side: each of them gives chance a choice."""
+"""For a target straight behind, a robot may turn to either side: each leg gives chance a choice."""
 
 
 @clause("capabilities.sane")

@@ -23,7 +23,7 @@ _CHARGES_S, _CHARGES_IN_PROCESS_S = 10.0, 40.0
 _ASIDE_RAD = 0.15
 _AHEAD_M = 0.4
 _FLAT = 0.002
-"""So little that whole per cent show nothing, which some take for unknown."""
+"""A charge so low that it rounds to 0 per cent, which some adapters take for unknown."""
 
 _NEARLY_FULL = 0.94
 _CHARGES_FULL_S = 80.0
@@ -36,7 +36,7 @@ _NOW_AND_THEN = 0.3
 _TURNS = 0.15
 
 _LAST = 1e-9
-"""So little that nothing is left as soon as it moves, and a charger that nothing moves on has given none."""
+"""A charge so low that it is used up as soon as the robot moves."""
 
 
 @clause("state.charge", needs=("reports_battery",))
@@ -82,7 +82,7 @@ def charge(bench: Bench) -> None:
 
 
 def _never_jumps(bench: Bench, robot: Robot) -> None:
-    """See that between two samples no charge changed by more than driving or charging explains."""
+    """Fail the clause if the charge changed between two samples by more than driving or charging explains."""
     fastest_per_s = 1.0 / min(robot.spec.charge_s, robot.spec.drive_s)
     for first, second in pairwise(bench.tracks[robot.id]):
         by, passed_s = _charge(second.state) - _charge(first.state), second.at_s - first.at_s
@@ -110,7 +110,7 @@ def true_charge(bench: Bench) -> None:
 
     bench.run(min(2.0 * _PERCENT * robot.spec.drive_s, _ROUND_S), go_round)
     _compare_charges(bench, robot, truth, "driven without a rest")
-    # At rest it falls, too, away from any charger.
+    # At rest away from any charger the charge falls, too.
     bench.go(robot, bench.place(robot, 0.8))
     bench.run(min(2.5 * _PERCENT * robot.spec.idle_s, _RESTS_S))
     _compare_charges(bench, robot, truth, "rested")
@@ -118,7 +118,7 @@ def true_charge(bench: Bench) -> None:
         bench.close()
         robot, truth = bench.open_one(), bench.fleet.truth
         bench.run(_CHARGES_IN_PROCESS_S if bench.caps.in_process else _CHARGES_S)
-        # On a wire what is said of a charge that rises may be as old as its message is seldom.
+        # On a wire a reported charge may be as old as the interval between its messages.
         rises = 0.0 if bench.caps.in_process else _SELDOM_S / robot.spec.charge_s
         _compare_charges(bench, robot, truth, "been charged", rises)
 
@@ -158,7 +158,7 @@ def full(bench: Bench) -> None:
         charges = {} if truth is None else truth.report().charges
         return charges.get(robot.id, 0.0) >= 1.0
 
-    # Where no truth tells when, that is known of those that are simulated.
+    # Without a truth that says when the battery is full, the time that simulated ones take is known.
     bench.run(lasts_s, is_full)
     bench.run(_FULL_S)
     state = robot.read_state()
@@ -185,7 +185,7 @@ def emptying(bench: Bench) -> None:
         "whatever its charge: a goal or a cancel gets lost, or takes longer than latency_s",
     )
     if not bench.caps.in_process:
-        # What the host was too busy for is in time when that charge is met again.
+        # Commands that were late only because the host was busy are in time when that charge is met again.
         again = [_late_at(bench, min(at + _AROUND, 1.0), max(at - _AROUND, _PERCENT))[0] for at in late[:_TWICE]]
         late = [at for each in again for at in each]
     bench.require(
@@ -196,10 +196,7 @@ def emptying(bench: Bench) -> None:
 
 
 def _late_at(bench: Bench, full: float, least: float) -> tuple[list[float], int]:
-    """Start and stop a robot again and again while its battery empties; return at which charges it was late.
-
-    The second is how often it was tried.
-    """
+    """Start and stop a robot while its battery empties; return the charges at which it was late, and the trials."""
     bench.opener = lambda: bench.harness.charged(full, _EMPTIES_S)
     robot, caps = bench.open_one(), bench.caps
     begins_s = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.sample_age_s + _LATE_S
@@ -226,7 +223,7 @@ def _late_at(bench: Bench, full: float, least: float) -> tuple[list[float], int]
 
 
 def _says_that_it_is_flat(bench: Bench) -> None:
-    """See that a robot says that its charge is 0, if it gets ready then, and has set out with the last of it."""
+    """Fail the clause unless a robot that has used its last charge reports 0, if it gets ready at all."""
     bench.close()
     bench.opener = lambda: bench.harness.charged(_LAST)
     with suppress(RobotUnavailable):

@@ -20,9 +20,9 @@ _OFF_RAD = 0.1
 _AWAY = 0.1
 _EVEN = 0.85
 _SLOW = 0.2
-# Vehicle time at whose multiples what is counted in so many digits or bits begins anew.
+# Vehicle times at whose multiples a counter of few digits or bits wraps, and the counter.
 _SOON = ((60.0, "the seconds of a minute"), (65.536, "milliseconds in 16 bits"))
-# Where clocks can be set, both at once, and what else begins anew no sooner than after an hour, or after fifty days.
+# The same for clocks that can be set: both at once, and a counter that wraps only after an hour or fifty days.
 _LATER = (
     (4294967.296, "milliseconds in 32 bits, or microseconds"),
     (491520.0, "the seconds of a minute, or milliseconds in 16 bits"),
@@ -30,14 +30,14 @@ _LATER = (
 
 
 def _silent_after(bench: Bench, change: Callable[[Robot], None], what: str) -> Robot:
-    """See that a robot stops that hears nothing more right after something has happened to its clock; return it."""
+    """Fail the clause unless a robot that hears nothing more after a fault of its clock stops; return the robot."""
     robot = bench.open_one()
     bench.faulty = True
     bench.get_going(robot, bench.place(robot, 0.9))
-    # Away from where it began, so that whoever begins anew there shows it.
+    # Away from the start, so that odometry that begins anew there shows.
     bench.run(_AWAY * bench.harness.room_m / bench.caps.v_max_m_s)
     clock = bench.fleet.clock
-    # The last renewal has arrived by then, and lives.
+    # By then the last renewal has arrived, and is still valid.
     clock.sleep_until(clock.now() + min(bench.caps.latency_s, 0.5 * bench.caps.lease_s))
     change(robot)
     clock.sleep_until(clock.now() + bench.orphaned_s() + bench.caps.sample_age_s)
@@ -72,9 +72,9 @@ def wraps(bench: Bench) -> None:
 
 
 def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
-    """See a robot stop that is renewed for the last time just before its clock shows a multiple of something."""
+    """Judge whether a robot stops whose last renewal comes just before its clock shows a multiple of `every_s`."""
     caps, clock = bench.caps, bench.fleet.clock
-    # A leg that begins so long before does not end by then.
+    # How long before that time a leg may begin without ending too soon.
     leg_s = 0.25 * bench.harness.room_m / caps.v_max_m_s
     soon_s = _LEARNS_S + 2.0 * leg_s
     state, wraps_s = robot.read_state(), 0.0
@@ -129,7 +129,7 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
         f"after its clock has shown a multiple of {every_s:g} s the sample is said to be {said_s:.1f} s old: stamps "
         f"are {what}, which began anew, and what comes after that is dropped as older",
     )
-    # Whether a goto is dropped while the lease is dead is judged by another clause; wait until the robot acts.
+    # Another clause judges whether a goto is dropped while the lease is dead; here, wait until the robot acts.
     bench.run(caps.latency_s + 2 * TICK_S)
     bench.go(
         robot, bench.place(robot, -0.3),

@@ -1,4 +1,4 @@
-"""Contact: what shows only where two robots are driven into each other."""
+"""Contact: faults that show only when two robots are driven into each other."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def body(bench: Bench) -> None:
 
 
 def _see_it_pass(bench: Bench, robot: Robot, other: TrackSample, aside_m: float) -> None:
-    """See a robot drive straight past another one that stands so far beside its way."""
+    """Judge whether a robot drives straight past another one that stands beside its way."""
     start, began_s = bench.look(robot), bench.now_s
     far_m = start.distance_m(other.x_m, other.y_m)
     bearing_rad = math.atan2(other.y_m - start.y_m, other.x_m - start.x_m) + math.asin(min(aside_m / far_m, 0.5))
@@ -104,7 +104,7 @@ def _see_it_pass(bench: Bench, robot: Robot, other: TrackSample, aside_m: float)
 
 
 def _judged_by_limits(bench: Bench, truth: Truth, apart_m: float) -> None:
-    """See that the truth counts a collision from the separation on that it was told to judge by."""
+    """Fail the clause unless the truth counts a collision below the separation that it was told to judge by."""
     limits = bench.harness.limits
     if limits is None or apart_m > limits.separation_m - _UNTOLD_M:
         return

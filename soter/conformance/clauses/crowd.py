@@ -1,4 +1,4 @@
-"""Crowd: what one robot is told or says is neither lost nor late for what others are told or say at the same moment."""
+"""Crowd: commands and samples of one robot are neither lost nor late because of others' at the same moment."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SHARED = (
 def told(bench: Bench) -> None:
     """What one robot is told is neither lost nor late for what others are told at the same moment."""
     robots = bench.open_most()
-    # What samples show of a command is known once one of each kind was given and the others were told nothing.
+    # First find out which kinds of command the samples show at all, with the other robots left alone.
     shown = [kind for kind in _KINDS if _shows(bench, robots[0], (), kind)]
     lost: list[str] = []
     rounds = _ROUNDS_IN_PROCESS if bench.caps.in_process else _ROUNDS
@@ -44,7 +44,7 @@ def told(bench: Bench) -> None:
         robot, kind = robots[number % len(robots)], shown[number // len(robots) % len(shown)]
         if not _shows(bench, robot, [each for each in robots if each is not robot], kind):
             lost.append(f"a {kind} of robot {robot.id}")
-    # On a wire a message may be lost for once, and is made good by the next renewal.
+    # On a wire a single message may be lost, and the next renewal makes up for it.
     bench.measure(
         "lost", len(lost) / rounds, 0.0 if bench.caps.in_process else _LOST, 1e-9,
         f"{', '.join(lost[:3])} was lost or late while others were told much at the same moment: {_SHARED}",
@@ -55,7 +55,7 @@ def told(bench: Bench) -> None:
 
 
 def _shows(bench: Bench, robot: Robot, others: Sequence[Robot], kind: str) -> bool:
-    """Tell a robot something and others much, before it and after; return whether its samples show it in its time."""
+    """Send one robot a command between many to others; return whether its samples show the command in time."""
     caps = bench.caps
     within_s = caps.latency_s + caps.sample_age_s + caps.jitter_s + 2 * TICK_S
     goal: Goal | None = robot.goto(bench.place(robot, 0.1), robot.in_charge) if kind != "goto" else None
@@ -70,7 +70,7 @@ def _shows(bench: Bench, robot: Robot, others: Sequence[Robot], kind: str) -> bo
     else:
         robot.switch_ac_sc(_other(robot.in_charge), "conformance")
     _tell_much(bench, others)
-    # Nothing is said again meanwhile: that would make good what was lost.
+    # No renewals meanwhile: they would make up for a lost command.
     bench.run(within_s, renew=False)
     state = bench.look(robot).state
     if kind == "switch":
@@ -80,7 +80,7 @@ def _shows(bench: Bench, robot: Robot, others: Sequence[Robot], kind: str) -> bo
 
 
 def _tell_much(bench: Bench, robots: Sequence[Robot]) -> None:
-    """Tell robots much at once: each is sent somewhere often, is stopped, changes hands, and is sent somewhere."""
+    """Send robots many commands at once: to each several gotos, a cancel, a switch, and a goto."""
     for robot in robots:
         goals = [robot.goto(bench.place(robot, 0.1 * (number % 2)), robot.in_charge) for number in range(_CROWD)]
         goals[-1].cancel()
@@ -93,7 +93,7 @@ def _other(controller: Controller) -> Controller:
 
 
 def _obeys_as_soon(bench: Bench, robot: Robot, others: Sequence[Robot]) -> None:
-    """Judge how soon a robot on its way comes to rest at a cancel, right before or behind much that others are told."""
+    """Judge how soon a driving robot comes to rest at a cancel just before or after many commands to others."""
     caps, cancelled_s = bench.caps, [0.0]
     robot.switch_ac_sc(Controller.AC, "conformance")
 
@@ -121,7 +121,7 @@ def said(bench: Bench) -> None:
     """What one robot says is not lost for what others say: its samples come as evenly as those of one alone."""
     worse: list[tuple[float, int]] = []
     busy: list[tuple[float, int]] = []
-    # On a wire a busy host makes them uneven for once; what is the robots' comes again.
+    # On a wire a busy host may make samples uneven once; a fault of the robots shows again.
     while len(busy) + len(worse) < _TIMES and not (worse and (bench.caps.in_process or worse[-1][0] <= _MORE_UNEVEN)):
         if bench.fleets:
             bench.close()
@@ -129,7 +129,7 @@ def said(bench: Bench) -> None:
         bench.close()
         seen = _uneven(bench, bench.open_most())
         robot_id = max(seen, key=seen.__getitem__)
-        # Where those of one alone come unevenly, too, the host is so busy that little can be said.
+        # If one robot's samples alone come unevenly, too, the host is too busy to judge.
         (worse if alone <= _ALONE else busy).append((seen[robot_id] - alone, robot_id))
     by, robot_id = min(worse or busy)
     bench.measure(
@@ -141,10 +141,10 @@ def said(bench: Bench) -> None:
 
 
 def _uneven(bench: Bench, robots: Sequence[Robot]) -> dict[int, float]:
-    """Return by robot which share of its samples came later after the one before than the quicker ones do."""
+    """Return, by robot, the share of samples that came at a longer interval than its quicker ones."""
 
     def computes() -> bool:
-        # As a supervisor does, while whatever hears waits for the interpreter.
+        # Keep the interpreter busy, as a supervisor does, while the receiving threads wait for it.
         until_s = time.monotonic() + _BUSY_S
         while time.monotonic() < until_s and not bench.caps.in_process:
             pass

@@ -23,10 +23,10 @@ _TURN_ENDS_S = 0.25
 _LEFT_M = 0.05
 _FIRST_S = 1.0
 _STAYS_S = 70.0
-"""Longer than 16 bits of milliseconds."""
+"""Longer than a counter of milliseconds in 16 bits lasts."""
 
 _RESTS_S = 25.0
-"""With what it has rested before, longer than vehicles mostly wait until they sleep."""
+"""Together with the rest before it, longer than most vehicles wait until they sleep."""
 
 _SLOW = 0.25
 _LEFT_S = 0.2
@@ -74,7 +74,7 @@ def silence(bench: Bench) -> None:
 
 
 def _middle(seen: Sequence[float]) -> float:
-    """Return the mean without the least and the largest, which may have met a busy host."""
+    """Return the mean of the values without the least and the largest, which may have met a busy host."""
     return mean(sorted(seen)[1:-1] if len(seen) > _FEW else seen)
 
 
@@ -95,9 +95,9 @@ def lease(bench: Bench) -> None:
         "the vehicle's lease is longer than lease_s, is counted from something later than the renewal, grows where it "
         f"is renewed twice at once, or ends no motion backwards{_RENEWED}"
     )
-    # Each trial falls into the vehicle's period somewhere, which sets two such means apart.
+    # Trials begin at any phase of the vehicle's period, by which two such means may differ.
     phase_s = 0.0 if caps.in_process else caps.setpoint_period_s * 0.9 / math.sqrt(many)
-    # What a message takes, and the vehicle's period, are in both.
+    # Both means contain the time of a message and the vehicle's period.
     bench.measure(
         "lease_s", _middle(seen) - max(_middle(told), 0.0), caps.lease_s,
         bench.read_s + bench.fit_s + phase_s, cause, spread=seen,
@@ -112,7 +112,7 @@ def first(bench: Bench) -> None:
     (robot,) = bench.open_raw().robots
     robot.init(bench.harness.connect_timeout_s)
     bench.capabilities = robot.capabilities
-    # One that was there before stands where it was left. Others have not left their start, not even to get ready.
+    # A robot that the kit did not start stands where it was left; others must not leave their start to get ready.
     at = robot.spec if bench.harness.starts_robots else bench.look(robot)
     bench.run(2 * TICK_S, renew=False)
     robot.goto(bench.place(robot, 0.8), robot.in_charge)
@@ -169,7 +169,7 @@ def reading(bench: Bench) -> None:
 
 
 def _renews_nothing(bench: Bench, robot: Robot, call: Callable[[], object], what: str) -> None:
-    """See that a robot whose lease is not renewed stops and stays there, whatever else it is told at every tick."""
+    """Fail the clause unless a robot without renewals stops and stays, whatever else is sent at every tick."""
 
     def tell() -> bool:
         call()
@@ -234,7 +234,7 @@ def late(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, 0.9))
     late_s = 2.0 * caps.lease_s + caps.latency_s + caps.jitter_s + 2 * TICK_S
     bench.harness.delay(late_s)
-    # By when nothing that was sent in time lives any more, and what was sent late has long been arriving.
+    # By then renewals sent in time have expired, and late ones have long been arriving.
     bench.run(2.0 * late_s + bench.orphaned_s())
     rest = bench.look(robot)
     bench.run(1.0)
@@ -270,7 +270,7 @@ def turning(bench: Bench) -> None:
     """A robot that turns in place, first or last, ends that, too, at a cancel, at a switch and when its lease ends."""
     for what, call, renew in _WAYS:
         robot = bench.open_one()
-        # What is behind it takes half a circle; and so does a heading to the rear, where it stands.
+        # A target behind the robot takes half a turn; so does a heading to the rear at its own place.
         _see_turn_end(bench, robot, bench.place(robot, -0.8), what, call, renew=renew)
         robot.switch_ac_sc(Controller.AC, "conformance")
         bench.run(bench.orphaned_s())
@@ -284,7 +284,7 @@ def turning(bench: Bench) -> None:
 def _see_turn_end(
     bench: Bench, robot: Robot, target: Waypoint, what: str, call: Callable[[Robot, Goal], object], *, renew: bool
 ) -> None:
-    """See a robot that turns in place for a target end that when it is told to."""
+    """Judge whether a robot that turns in place for a target stops turning when it is told to."""
     caps, began = bench.caps, bench.look(robot)
     goal = robot.goto(target, robot.in_charge)
     turns = bench.run(
@@ -338,7 +338,7 @@ def kept_alive(bench: Bench) -> None:
     robot = bench.open_one()
     goal = bench.get_going(robot, bench.place(robot, 0.9))
     began_s = bench.now_s
-    # Up to where it may begin to brake for the target.
+    # Beyond the distance at which it may begin to brake for the target.
     far_m = 0.3 * bench.harness.room_m / 2.0
     bench.run(
         bench.way_s(),

@@ -1,4 +1,4 @@
-"""Endurance: what shows only after a while, or seldom."""
+"""Endurance: faults that show only after a while, or seldom."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from soter.sdk import Controller, Robot, Waypoint
 
 _ROUND_S: Final = 22.0
 _ROUNDS, _ROUNDS_IN_PROCESS = 3, 4
-"""What happens once a minute happens in these rounds."""
+"""Enough rounds for faults that occur once a minute."""
 
 _TURNS, _TURNS_IN_PROCESS = 16, 64
 _ALTERNATE: Final = 4
@@ -47,7 +47,7 @@ _GROWS: Final = {
     "objects_per_goal": (1.0, "goals, samples or messages are kept; what looks through them takes ever longer"),
     "memory_mib": (0.25, "messages are kept"),
 }
-"""By what is held, how much more of it may be held after each round, and the likely cause of more."""
+"""By resource, how much more of it the process may hold after each round, and the likely cause of more."""
 
 _GROWS_S: Final = 0.01
 _KEPT: Final = 20
@@ -72,7 +72,7 @@ def minute(bench: Bench) -> None:
         "age_growth_s", ages_s[-1] - ages_s[0], _GROWS_S, bench.read_s,
         f"in {lasts_s:.0f} s samples have grown older by so much: the vehicle's clock is slow, and is not followed",
     )  # fmt: skip
-    # On a wire one may be the host's; what is the robot's comes again.
+    # On a wire one late goal may be due to the host; a fault of the robot's shows again.
     excused = 0 if bench.caps.in_process else 1
     if sum(each > bench.caps.latency_s + bench.fit_s for each in commands.late_s()) == excused == 1:
         commands.drive(lasts_s)
@@ -116,7 +116,7 @@ def counters(bench: Bench) -> None:
     """After more goals than sixteen bits can number a robot obeys as before, and names the goal that it works on."""
     robot, sent = bench.open_one(), 0
     until_s = time.monotonic() + _COUNTS_FOR_S
-    # A host that is too slow for all of them counts as far as it gets.
+    # On a host that is too slow for all goals, those that were sent count.
     while sent < _COUNTED and time.monotonic() < until_s:
         for number in range(_AT_ONCE):
             robot.goto(bench.place(robot, 0.1 * (number % 2)), Controller.AC)
@@ -135,7 +135,7 @@ def counters(bench: Bench) -> None:
 
 
 def _turn_much(bench: Bench, robot: Robot) -> None:
-    """Turn a robot on the spot, to the left, to the right, and to either side in turn; see that it still turns fast."""
+    """Turn a robot on the spot to the left, the right and both in turn; fail the clause if it gets slow."""
     if not bench.caps.pivots_first:
         return
     turns = _TURNS_IN_PROCESS if bench.caps.in_process else _TURNS
@@ -166,17 +166,17 @@ def _turn_much(bench: Bench, robot: Robot) -> None:
 
 
 class _Commands:
-    """Sends a goal at every tick, and takes note of when samples name it.
+    """Sends a goal at every tick, and records when samples name it.
 
     Attributes:
-        shuttle: drives.
-        took_s: from each goto to the stamp of the first sample that names it, or one after it.
+        shuttle: drives the robot.
+        took_s: from each goto to the stamp of the first sample that names its goal or a later one.
         ages_s: how old the last samples were when they were read.
     """
 
     def __init__(self, bench: Bench, robot: Robot) -> None:
         self.shuttle: Final = ToAndFro(bench, robot)
-        # Not objects, which are counted.
+        # Arrays, because the clause counts objects.
         self.took_s: Final = array("d")
         self._bench: Final = bench
         self._robot: Final = robot
@@ -188,13 +188,13 @@ class _Commands:
         self.ages_s: Final[deque[float]] = deque(maxlen=_MANY)
 
     def drive(self, seconds: float) -> None:
-        """Go on for so long."""
+        """Go on for some seconds."""
         self._regular.begin()
         self._sent.clear()
         self._bench.run(seconds, self._look, closely=True)
 
     def late_s(self) -> list[float]:
-        """Return how late each was taken, at least."""
+        """Return by how much each goal was late at least."""
         return self._regular.late_s(self.took_s)
 
     def _look(self) -> bool:
@@ -217,7 +217,7 @@ class _Commands:
 
 
 def _held() -> dict[str, float]:
-    """Return how much of what is held, by its name in `_GROWS`."""
+    """Return how much of each resource in `_GROWS` the process holds."""
     gc.collect()
     used = usage()
     held = {}

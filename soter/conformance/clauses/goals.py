@@ -1,4 +1,4 @@
-"""Goals: every goto has an identity, ends once, and is ended by what names it only."""
+"""Goals: every goto has an id, ends once, and is ended only by calls that are about it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _EARLY_STOPS: tuple[tuple[str, str, Callable[[Robot, Goal], object]], ...] = (
 def ids(bench: Bench) -> None:
     """Every goal has an id of its own, and samples name the goal in progress, or none."""
     robot = bench.open_one()
-    # More than eight bits can number.
+    # More goals than eight bits can number.
     goals = [robot.goto(bench.place(robot, 0.5), Controller.AC) for _ in range(_MANY)]
     bench.require(len({goal.id for goal in goals}) == _MANY, "two goals have one id: goto() is overridden")
     bench.run(bench.caps.latency_s + bench.caps.sample_age_s + 4 * TICK_S)
@@ -83,7 +83,7 @@ def superseded(bench: Bench) -> None:
     at, began_s = bench.look(robot), bench.now_s
     robot.goto(Waypoint(at.x_m, at.y_m), Controller.AC)
     bench.run(caps.latency_s + caps.v_max_m_s / caps.brake_m_s2 + 1.0)
-    # It may go back to where it was sent, but not on.
+    # The robot may go back to its target, but not drive on.
     bench.measure(
         "held_after_m", max(each.distance_m(at.x_m, at.y_m) for each in bench.since(robot, began_s)), allowed,
         bench.still_m, "a goal where the robot is, or near it, is taken for reached and not sent: it goes on to the "
@@ -95,7 +95,7 @@ def superseded(bench: Bench) -> None:
 def replaced(bench: Bench) -> None:
     """A goal that replaces another one on the way is acted upon within the latency."""
     robot, caps = bench.open_one(), bench.caps
-    # To the side, and without a heading: it has to come to rest and turn before it can go there.
+    # To the side, and without a heading: the robot has to come to rest and turn before it can drive there.
     shuttle = Shuttle(bench, robot)
     trials = shuttle.trials(
         bench.trials(_REPLACED), lambda _: robot.goto(bench.place(robot, 0.0, 3.0), Controller.AC),
@@ -159,7 +159,7 @@ def of_sc(bench: Bench) -> None:
 def cancel_early(bench: Bench) -> None:
     """A cancel, a switch, or the end of its lease, stops a robot that gains speed as soon as one that drives evenly."""
     robot, caps = bench.open_one(), bench.caps
-    # In process there is a sample at the very moment at which it begins to brake.
+    # In process there is a sample at the very moment at which the robot begins to brake.
     late_s = caps.latency_s + (0.0 if caps.in_process else caps.setpoint_period_s)
     for name, what, call in _EARLY_STOPS:
         renews, begins_s = name != "lease_early_s", []
@@ -176,7 +176,7 @@ def cancel_early(bench: Bench) -> None:
             seen = bench.since(robot, called_s)
             fastest = max(seen, key=lambda each: each.speed_m_s)
             begins_s.append(fastest.at_s - called_s)
-        # The fastest sample is the last one before it begins to brake.
+        # The fastest sample is the last one before the robot begins to brake.
         bench.measure(
             name, quantile(begins_s, 0.5), late_s + (0.0 if renews else caps.lease_s), bench.fit_s + _SAMPLE_S,
             f"{what} waits until the robot is up to speed, or until a ramp that has begun is at its end",
@@ -195,7 +195,7 @@ def cancels(bench: Bench) -> None:
     stops_s = starts_s + caps.v_max_m_s / caps.brake_m_s2 + TICK_S
     bench.go(robot, bench.place(robot, 0.0))
     for number in range(_CANCELS_IN_PROCESS if caps.in_process else _CANCELS):
-        # To and fro about one place, and most of the time turning.
+        # To and fro about one place, so that it turns most of the time.
         began = bench.look(robot)
         goal = robot.goto(bench.place(robot, 0.8 if number % 2 else -0.8), Controller.AC)
         bench.run(starts_s)

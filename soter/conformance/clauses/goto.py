@@ -19,17 +19,17 @@ _HOST_S = 0.05
 _OFF_RAD = 0.15
 _REST_S = 0.7
 _IDLE_S, _IDLE_IN_PROCESS_S = 25.0, 100.0
-"""In process longer than most sleep or give up after; on a wire `deadman.stays` rests as long."""
+"""In process, longer than most adapters take to sleep or give up; on a wire `deadman.stays` rests as long."""
 
 _GAPS = 10
-# Next to the angles at which compasses, and those who count from east, begin anew, in whole degrees and in hundredths.
+# Close to where angles counted from north or from east wrap, in whole degrees and in hundredths.
 _SEAMS_RAD = tuple(side - off for off in (4e-3, 4e-5) for side in (math.pi / 2.0 + 2.0 * off, 0.0, math.pi))
 _SEAM = "it is rounded to where angles begin anew, such as to 360 degrees, which the vehicle refuses"
 _LASTS_S = 100.0
 _RADII = (8.0, 1.0)
 _TIGHT = 0.4
 _WAYS = ((0.6, 0.0), (0.0, 0.6), (-0.6, 0.0), (0.0, -0.6), (0.0, 0.0))
-# Each leads back from where the one before led.
+# Distances and directions, each from the place of the target before.
 _FAR = ((40.0, 0.3), (40.0, -2.6), (150.0, 2.0), (700.0, -1.2), (3000.0, 2.8))
 
 
@@ -56,7 +56,7 @@ def arrives(bench: Bench) -> None:
         target = bench.place(robot, ahead, left, radius_m=bench.near_m)
         bench.go(robot, target)
         off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
-        # What is true now may be a little further on than the sample that was judged.
+        # The true pose may be a little further on than the judged sample.
         slack = bench.caps.position_noise_m + bench.caps.v_max_m_s * bench.caps.sample_age_s if bench.truth else 0.0
         bench.require(
             off_m <= target.radius_m + slack + 1e-9,
@@ -71,7 +71,7 @@ def far(bench: Bench) -> None:
     robot = bench.open_one()
     for far_m, bearing_rad in _FAR:
         _see_it_set_out(bench, robot, _at(bench.look(robot), far_m, bearing_rad))
-    # Both coordinates are exactly 0, which is a place and not none.
+    # Coordinates of exactly 0 are a place; an adapter may take them for none.
     _see_it_set_out(bench, robot, Waypoint(0.0, 0.0))
 
 
@@ -104,7 +104,7 @@ def _see_it_set_out(bench: Bench, robot: Robot, target: Waypoint) -> None:
 
 
 def _at(at: TrackSample, way_m: float, bearing_rad: float) -> Waypoint:
-    """Return the place so far from a sample's, in that direction."""
+    """Return the waypoint at a distance and direction from a sample."""
     return Waypoint(at.x_m + way_m * math.cos(bearing_rad), at.y_m + way_m * math.sin(bearing_rad))
 
 
@@ -146,12 +146,12 @@ def radius(bench: Bench) -> None:
     wide_m, near_m = (_end_within(bench, times) for times in _RADII)
     bench.require(wide_m > near_m, "both radii ended at the same distance: the radius is not the goal's own")
     if bench.caps.in_process and _TIGHT * bench.near_m >= 2.0 * bench.caps.position_noise_m:
-        # What is content near a target of its own accord never ends a goal of a small radius.
+        # A vehicle with a fixed radius of its own never ends a goal of a small one.
         _end_within(bench, _TIGHT)
 
 
 def _end_within(bench: Bench, times: float) -> float:
-    """See a goal end within its radius, given in `near_m`, and not long before; return how far from its target."""
+    """Judge whether a goal ends just within its radius, given in `near_m`; return the distance from its target."""
     robot = bench.open_one()
     radius_m = times * bench.near_m
     target = bench.place(robot, 0.8, radius_m=radius_m)
@@ -193,7 +193,7 @@ def wakes(bench: Bench) -> None:
     bench.expect_still(robot, idle_s, "it moves although nothing was asked of it")
     heard_s = [each.state.stamp_s for each in bench.since(robot, began_s)]
     gaps_s = [after_s - before_s for before_s, after_s in pairwise([began_s, *heard_s, bench.now_s])]
-    # A moment in which the host stood still is one gap, and that of a robot that says less at rest comes again.
+    # A pause of the host makes one gap; a robot that sends less at rest makes several.
     bench.measure(
         "rest_gap_s", sorted(gaps_s)[-_GAPS:][0],
         bench.caps.sample_age_s + bench.caps.jitter_s + TICK_S, bench.read_s,
@@ -222,7 +222,7 @@ def heading(bench: Bench) -> None:
             robot.switch_ac_sc(by, "conformance")
             bench.run(bench.caps.latency_s + 2 * TICK_S)
         at, began_s = bench.look(robot), bench.now_s
-        # Across the heading, so that whoever heeds none arrives with another one; and back to the middle of the room.
+        # Across the heading, so that an adapter that drops it arrives with another; then back to the room's middle.
         ends = [_at(at, 0.25 * bench.harness.room_m, wanted + across) for across in (1.0, -1.0)]
         target = min(ends, key=partial(bench.from_start, robot))
         try:

@@ -1,4 +1,4 @@
-"""Legs: how near to the straight segment to its target a robot keeps, from its first turn to where it comes to rest."""
+"""Legs: how close a robot keeps to the straight segment to its target, from its first turn until it rests."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _WEST_RAD = (0.09, -0.05)
 _CUT_AT = 0.3
 _CENTIMETRE_M = 0.01
 _NEXT_M = 0.0099
-"""Places in whole centimetres are off by so much where they are cut off, to the south-west."""
+"""How far a place moves to the south-west if its coordinates are cut off to whole centimetres."""
 
 _CUT_OFF = "they are cut off, or rounded up, such as to centimetres"
 _BACK_AT = ((0.5, 0.1), (-0.5, 0.3))
@@ -43,9 +43,9 @@ _BACK_AT = ((0.5, 0.1), (-0.5, 0.3))
 def _legs(
     bench: Bench, more: Sequence[tuple[float, float]] = ()
 ) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]:
-    """Drive legs from rest to rest; return where each began, its target, and what was seen of it.
+    """Drive legs from rest to rest; return for each its start, its target and its samples.
 
-    They are those of a star, which leads across the room and to all sides alike.
+    The legs form a star across the room, with all directions alike, and `more` ones.
     """
     robot = bench.open_one()
     legs = []
@@ -73,7 +73,7 @@ def _legs(
 
 
 def along_and_across(began: TrackSample, target: Waypoint, seen: list[TrackSample]) -> list[tuple[float, float]]:
-    """Return how far beyond the target, and how far beside the straight segment to it, a robot was."""
+    """Return how far a robot got beyond its target, and how far beside the straight segment to it."""
     dx, dy = target.x_m - began.x_m, target.y_m - began.y_m
     length = math.hypot(dx, dy)
     off = [(each.x_m - began.x_m, each.y_m - began.y_m) for each in seen]
@@ -100,7 +100,7 @@ def long_tube(bench: Bench) -> None:
         bench.go(robot, bench.place(robot, -_FAR_FROM * ahead))
         bench.run(SETTLE_S)
         began, began_s = bench.look(robot), bench.now_s
-        # Through the whole room, towards what lies far beyond it.
+        # Through the whole room, towards a target far beyond it.
         target = bench.place(robot, _FAR_TO * ahead)
         goal = robot.goto(target, Controller.AC)
         most_m = 2.0 * _FAR_FROM * bench.harness.room_m / 2.0
@@ -137,12 +137,12 @@ def leg(bench: Bench) -> None:
     if not bench.harness.leg_m:
         raise NotTested("not declared: the harness's attribute 'leg_m', free ground for a long leg")
     if bench.harness.gives("charged"):
-        # What simulated robots start with does not take them so far.
+        # The charge that simulated robots start with does not last that long.
         bench.opener = partial(bench.harness.charged, 1.0)
     robot, way_m, widest = bench.open_one(), bench.harness.leg_m, []
     for number in range(_LONG_LEGS if bench.caps.in_process else _FEW_LONG_LEGS):
         began, began_s = bench.look(robot), bench.now_s
-        # There and back; to a place of its own each time, since one may happen to be where the vehicle would have it.
+        # There and back, to a new place each time: any one place may by chance be where the vehicle would drive anyway.
         if number % 2:
             target = bench.place(robot, *_BACK_AT[number // 2], radius_m=bench.near_m)
         else:
@@ -176,7 +176,7 @@ def overshoot(bench: Bench) -> None:
     legs = _legs(bench, _THROUGH)
     robot = bench.fleet.robots[-1]
     began, began_s = bench.look(robot), bench.now_s
-    # What ends a goal from afar does not say where to stop.
+    # A wide radius ends a goal early, but the robot still has to stop at the target.
     wide = bench.place(robot, 0.0, radius_m=_WIDE * bench.harness.room_m / 2.0)
     bench.go(robot, wide)
     bench.run(SETTLE_S)
@@ -194,7 +194,7 @@ def overshoot(bench: Bench) -> None:
 
 
 def _cut_off(bench: Bench, robot: Robot) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]:
-    """Drive legs across both axes to places that lie farther on once they are cut off, or rounded up."""
+    """Drive legs across both axes to targets that are farther away if they are cut off or rounded up."""
     at_m = _CUT_AT * bench.harness.room_m / 2.0
     x_m, y_m, _ = bench.home(robot)
     bench.go(robot, Waypoint(x_m + at_m, y_m + at_m, radius_m=bench.near_m))
@@ -238,7 +238,7 @@ def pivot(bench: Bench) -> None:
 
 
 def _the_short_way(bench: Bench, robot: Robot, across_rad: float) -> None:
-    """See a robot turn across a direction, such as that in which headings begin anew, and not all the way round."""
+    """Judge whether a robot turns across a direction, such as that at which headings wrap, by the short way."""
     bench.go(robot, bench.place(robot, 0.0))
     for aside_rad in (-_ACROSS_RAD, _ACROSS_RAD):
         bench.run(SETTLE_S)
@@ -259,7 +259,7 @@ def _the_short_way(bench: Bench, robot: Robot, across_rad: float) -> None:
 
 
 def _no_curve(bench: Bench, robot: Robot) -> None:
-    """See a robot on its way come to rest and turn in place for a target that lies a little to the side."""
+    """Judge whether a driving robot comes to rest and turns in place for a new target a little to the side."""
     caps = bench.caps
     bench.go(robot, bench.place(robot, -0.7))
     bench.get_going(robot, bench.place(robot, 0.9), closely=True)

@@ -1,4 +1,4 @@
-"""Life cycle: before init, ready, closed."""
+"""Life cycle: before init(), ready, closed."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def close_stops(bench: Bench) -> None:
 
 
 def _closes_at_rest(bench: Bench, robot: Robot, *others: Robot) -> None:
-    """Close a robot, and see that it stands from then on."""
+    """Close a robot, and fail the clause unless it stands from then on."""
     robot.close(5.0)
     clock = bench.fleet.clock
     x_m, y_m, heading_rad = bench.true_pose(robot.id)
@@ -126,7 +126,7 @@ def reopen(bench: Bench) -> None:
         robot = bench.open_one(before)
         bench.get_going(robot, bench.place(robot, 0.8), before)
         bench.close()
-        # Whoever drove is in charge again, and renewed: what the vehicle has kept would be driven to.
+        # With the same controller active and the lease renewed, a target that the vehicle kept would be driven to.
         again = bench.open_one(before)
         bench.expect_still(again, 1.0, f"what the {before} was on its way to when it was closed is driven to once more")
         bench.close()

@@ -1,4 +1,4 @@
-"""Link: what an adapter does when messages are lost, late, doubled, reordered, or cease."""
+"""Link: how an adapter copes with messages that are lost, late, doubled or out of order, and with silence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LOST_S = 4.0
 _PATIENCE_S = 2.0
 _SILENT_S = 2.0
 _SLACK_S = 1.0
-# So far apart that who doubles his waits is looking elsewhere at the end of one of them.
+# Spread so that an adapter that doubles its waits between tries is waiting at the end of one of these outages.
 _OFF_S = (1.0, 13.0, 19.0)
 _WAITS_S = 0.25
 _RETURNS_S = 10.0
@@ -38,7 +38,7 @@ def _arrives(bench: Bench, robot: Robot, fault: str) -> None:
 
 
 def _cut(bench: Bench, *robots: Robot) -> None:
-    """Cut the links of robots; that nothing is heard of them is no surprise from then on."""
+    """Cut the links of robots; from then on their silence is expected."""
     bench.faulty = True
     for robot in robots:
         bench.harness.cut(robot.id)
@@ -80,7 +80,7 @@ def no_success(bench: Bench) -> None:
     robot = bench.open_one()
     goal = bench.get_going(robot, bench.place(robot, 0.9, timeout_s=bench.way_s() + 5.0))
     _cut(bench, robot)
-    # By when it would have arrived, had it gone on.
+    # By then the robot would have arrived if it had driven on.
     silent_s = bench.harness.room_m / bench.caps.v_max_m_s + 3.0
     bench.run(silent_s)
     bench.require(
@@ -109,7 +109,7 @@ def stops(bench: Bench) -> None:
     _cut(bench, robot)
     caps = bench.caps
     bench.run(caps.lease_s + caps.latency_s + _LOST_S)
-    # Ended now, so that what is seen after the link is back is where it stopped by itself.
+    # The goal ends now, so that the robot is still where it stopped by itself when the link is back.
     robot.switch_ac_sc(Controller.SC, "conformance")
     bench.harness.restore(robot.id)
     bench.run(5.0, lambda: robot.read_state().link is Link.UP)
@@ -134,7 +134,7 @@ def reconnects(bench: Bench) -> None:
     bench.go(robot, bench.place(robot, 0.3))
     _cut(bench, robot)
     bench.run(_LOST_S)
-    # Said to a robot that is not heard it fails no call, and is over when the link is back.
+    # Calls to an unheard robot must not fail; this goal is over when the link is back.
     robot.goto(bench.place(robot, 0.8), Controller.AC).cancel()
     bench.harness.restore(robot.id)
     came_back = bench.run(5.0, lambda: robot.read_state().link is Link.UP)
@@ -151,7 +151,7 @@ def reconnects(bench: Bench) -> None:
 
 
 def _hands_over_as_before(bench: Bench, robot: Robot) -> None:
-    """See hand-overs reach a robot within the latency, now that it is heard again, while its lease is renewed."""
+    """Judge whether hand-overs come within the latency once a robot is heard again and its lease renewed."""
     taken_s: list[float] = []
     caps, until_s = bench.caps, bench.now_s + _RETURNS_S
 
@@ -159,7 +159,7 @@ def _hands_over_as_before(bench: Bench, robot: Robot) -> None:
         try:
             robot.renew_lease()
         except Uncontrolled:
-            # It is made ready again.
+            # The robot is still being made ready again.
             return False
         return True
 
@@ -233,7 +233,7 @@ def one_of_two(bench: Bench) -> None:
     """Cutting either robot's link costs the other one nothing."""
     robots = bench.open(2)
     for lost, kept in (robots, robots[::-1]):
-        # A host that is busy makes samples older, too, before and after.
+        # A busy host makes samples older, too, before and after the cut.
         before_s = median(_ages(bench, kept))
         _cut(bench, lost)
         bench.measure(
@@ -331,7 +331,7 @@ def delay(bench: Bench) -> None:
         "robot can have heard of it: that is what was sent, and not what the robot says",
     )
     robot.switch_ac_sc(Controller.AC, "conformance")
-    # A vehicle may refuse renewals that are older than the lease.
+    # Shorter than the lease: a vehicle may refuse renewals that are older.
     bench.harness.delay(0.25 * bench.caps.lease_s)
     _arrives(bench, robot, "a delay of a quarter of the lease")
 
@@ -370,7 +370,7 @@ def reorder(bench: Bench) -> None:
         bench.harness.reorder(0.5)
         goal = robot.goto(bench.place(robot, 0.6, -0.6 if number % 2 else 0.6), Controller.AC)
         bench.run(2 * TICK_S)
-        # What is held back now comes after the stop and the switch.
+        # Messages held back now arrive after the stop and the switch.
         bench.harness.reorder(0.0)
         goal.cancel()
         robot.switch_ac_sc(Controller.SC, "conformance")

@@ -1,4 +1,4 @@
-"""Pace: what drives a robot goes on, and not only what hears and talks for it."""
+"""Pace: the loop that drives a robot keeps running, and not only the one that receives and sends."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def pace(bench: Bench) -> None:
         raise NotTested("not declared: a speed_noise_m_s small enough to see speeds change")
     changes = _Changes(bench, robot, even_m_s)
     bench.run(_LASTS_S, changes.look, closely=True)
-    # On a wire one may be the host's; what is the robot's comes again.
+    # On a wire one late change may be due to the host; a fault of the robot's shows again.
     excused = 0 if bench.caps.in_process else 1
     if sum(each > changes.most_s + changes.off_s for each in changes.late_s()) == excused == 1:
         bench.run(_LASTS_S, changes.look, closely=True)
@@ -46,16 +46,16 @@ def pace(bench: Bench) -> None:
 
 
 class _Changes:
-    """Has a robot go faster and slower in turn, and takes note of how soon it does.
+    """Makes a robot drive faster and slower in turn, and records how soon it does.
 
     Args:
-        bench: where.
-        robot: which.
+        bench: the clause's bench.
+        robot: the robot to drive.
         even_m_s: how far a speed may be from what was asked for to count as even.
 
     Attributes:
-        most_s: how late it may be.
-        off_s: how far that may be off.
+        most_s: how late a change may be.
+        off_s: how far a measured lateness may be off.
     """
 
     def __init__(self, bench: Bench, robot: Robot, even_m_s: float) -> None:
@@ -70,18 +70,18 @@ class _Changes:
         shortest_s = self.most_s + caps.sample_age_s + by_m_s / caps.brake_m_s2
         self._every_s: Final = TICK_S * math.ceil(shortest_s / TICK_S)
         self._free_m: Final = caps.v_max_m_s * (self._every_s + TICK_S) + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
-        # By the slower and the faster speed: from each goto to the stamp of the first sample that is nearer to it.
+        # For the slower and the faster speed: from each goto to the stamp of the first sample closer to that speed.
         self._took_s: Final = (array("d"), array("d"))
         self._fast, self._sent_s = 1, math.nan
         self._due_s = bench.now_s
         self._regular: Final = Regularity(bench, bench.look(robot).at_s)
 
     def late_s(self) -> list[float]:
-        """Return how late each change was, at least."""
+        """Return by how much each change was late at least."""
         return [each for took_s in self._took_s for each in self._regular.late_s(took_s)]
 
     def look(self) -> bool:
-        """Take note of a change, and change the speed where it is time to; return False, so that driving goes on."""
+        """Record a change, and make the next one if it is due; return False, so that driving goes on."""
         now_s, at = self._bench.now_s, self._bench.tracks[self._robot.id][-1]
         if self._regular.broken(at.at_s):
             self._sent_s = math.nan
@@ -103,6 +103,6 @@ class _Changes:
         end, even = self._shuttle.end, abs(at.speed_m_s - self._speeds_m_s[self._fast]) <= self._even_m_s
         self._fast, self._due_s = 1 - self._fast, now_s + self._every_s - ROUNDING
         self._shuttle.go_on(anew=True, speed_m_s=self._speeds_m_s[self._fast])
-        # What brakes for its target, or turns to the next one, changes its speed by itself.
+        # A robot that brakes for its target, or turns to the next, changes its speed by itself.
         free = self._shuttle.end is end and at.distance_m(end.x_m, end.y_m) - end.radius_m > self._free_m
         self._sent_s = now_s if even and free else math.nan

@@ -18,8 +18,8 @@ _LOOK_S = 0.02
 
 
 def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: str) -> None:
-    """Let another process drive a robot, end that process, and see where the robot stops."""
-    # A fleet is opened for what it declares and where it starts, and closed before the driver takes over.
+    """Let another process drive a robot, end that process, and judge where the robot stops."""
+    # Open a fleet to learn its capabilities and start poses, and close it before the driver takes over.
     robot = bench.open_one()
     caps, target = bench.caps, bench.place(robot, 0.9)
     bench.close()

@@ -1,4 +1,4 @@
-"""Programs: a robot obeys one at a time."""
+"""Programs: a robot obeys one program at a time."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def one_program(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, -0.9))
     before = bench.look(robot)
     with bench.harness.second() as fleet:
-        # The first one has died, and the second asks for nothing yet.
+        # The first program is silent now, and the second one sends no goal yet.
         _get_ready(bench, fleet.robots[0], renew=False)
         bench.run(bench.orphaned_s(), renew=False)
         bench.measure(
@@ -69,7 +69,7 @@ def next_program(bench: Bench) -> None:
     bench.run(bench.orphaned_s(), renew=False)
     bench.opener = bench.harness.second
     robot = bench.open_one()
-    # Its first goal, as that of the program before was.
+    # Its first goal, so that it has the same number as that of the program before.
     bench.arrive(
         robot.goto(bench.place(robot, -0.3, 0.5), Controller.AC),
         "it is taken for the first goal of the program before, to where that had sent the robot: goals are known by "
@@ -84,7 +84,7 @@ def _renews(robot: Robot) -> bool:
 
 
 def _keep_out(bench: Bench, robot: Robot) -> None:
-    """See that a second program takes no robot away that has nothing to do, while its lease is renewed."""
+    """Judge whether a second program can take away an idle robot whose lease is renewed."""
     cause = "with no goal under way renew_lease() does not renew the lease; it must, whatever is under way"
     bench.get_going(robot, bench.place(robot, 0.9)).cancel()
     for done in ("cancelled its goal", "handed over, and sent no goal"):
@@ -96,12 +96,12 @@ def _keep_out(bench: Bench, robot: Robot) -> None:
 
 
 def _intrude(bench: Bench, mine: Robot, other: Robot, done: str, cause: str) -> None:
-    """Let a second program do all that it can to a robot at rest, while the first one's lease is renewed."""
+    """Let a second program try all calls on a robot at rest, while the first one renews its lease."""
 
     def tell() -> bool:
         with suppress(SoterError):
             other.switch_ac_sc(Controller.AC, "a second program")
-            # More than the first one has said, so that no number is too low.
+            # More calls than the first program made, so that a sequence number is not refused as too low.
             for _ in range(_MANY_TIMES):
                 other.goto(bench.place(mine, -0.8), Controller.AC)
         return False
@@ -119,8 +119,8 @@ def _intrude(bench: Bench, mine: Robot, other: Robot, done: str, cause: str) -> 
 
 
 def _get_ready(bench: Bench, other: Robot, *, renew: bool) -> None:
-    """Let a second program get ready, or try to, while the leases of the first one are renewed, or not."""
-    # That may wait, and the first one goes on meanwhile.
+    """Let a second program try to get ready; `renew` says whether the first one's leases are renewed meanwhile."""
+    # In a thread, since it may have to wait while the first program goes on.
     done = Event()
 
     def get_ready() -> None:

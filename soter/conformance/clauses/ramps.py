@@ -31,14 +31,14 @@ def braking(bench: Bench) -> None:
     trials = [*shuttle.trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
     measure_braking(bench, trials, "after a cancel")
     slow = [*shuttle.trials(bench.trials(_SLOW_STOPS), lambda goal: goal.cancel(), speed_m_s=cap_m_s)]
-    # From half the speed there is a quarter of the way to see it by.
+    # From half the speed, the braking distance to measure is only a quarter.
     measure_braking(bench, slow, "after a cancel at half its speed", "slow_brake_m_s2", _BLUR)
     if bench.caps.in_process:
         _in_curves(bench, robot)
 
 
 def _in_curves(bench: Bench, robot: Robot) -> None:
-    """See a robot brake while it steers."""
+    """Judge how hard a robot brakes while it steers."""
     seen = []
     for left in (_ASIDE, -_ASIDE) * bench.trials(_REVERSALS):
         bench.go(robot, bench.place(robot, -0.7))
@@ -47,7 +47,7 @@ def _in_curves(bench: Bench, robot: Robot) -> None:
         bench.run(2.0 * CRUISE_S)
         goal = robot.goto(bench.place(robot, 0.8, left), Controller.AC)
         steers = bench.run(_STEERS_S, lambda: abs(bench.tracks[robot.id][-1].yaw_rate_rad_s) > _STEERS_RAD_S)
-        # A robot that comes to rest before it turns has no curves.
+        # A robot that comes to rest before it turns does not steer.
         steers = steers and bench.tracks[robot.id][-1].speed_m_s > _EVEN * bench.caps.v_max_m_s
         called_s = bench.now_s
         goal.cancel()
@@ -84,7 +84,7 @@ def acceleration(bench: Bench) -> None:
 
 
 def _reversals(bench: Bench, robot: Robot) -> Iterator[Ramp]:
-    """Yield how the robot got going backwards right from its way forwards."""
+    """Yield how the robot got going backwards directly from driving forwards."""
     for _ in range(bench.trials(_REVERSALS) if bench.caps.reverses else 0):
         bench.go(robot, bench.place(robot, -0.3))
         bench.run(SETTLE_S)

@@ -1,4 +1,4 @@
-"""Resources: what opening takes, closing gives back."""
+"""Resources: closing gives back all that opening took."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from soter.errors import SoterError
 from soter.sdk import Controller, Link
 
 _WARM_UPS: Final = 2
-"""Opens before anything is counted: libraries start threads and fill caches at the first one."""
+"""Opens before counting begins: at the first one, libraries start threads and fill caches."""
 
 _OPENS: Final = 4
 _ROUNDS: Final = 3
-"""What grew in the first opens must have grown in as many again, and again: a pool that fills up is no leak."""
+"""How often growth must repeat to count as a leak: a pool that fills up stops growing."""
 
 _BOUND: Final = 0.5
-"""Of each resource, in pieces or MiB an open: what is left at every open is more."""
+"""Growth per open, in pieces or MiB, above which a resource leaks."""
 
 _SETTLE_S: Final = 0.5
 _SHOWN: Final = 3
@@ -103,7 +103,7 @@ def _see_it_given_back(bench: Bench, do: Callable[[Bench], None], what: str, cau
         if grown > _BOUND:
             shown = f" ({', '.join(left[name][-_SHOWN:])})" if name in left else ""
             leaks.append(f"{grown:.2g} to {_NAMES[name]}{shown}")
-    # What grows most comes last: the figures of the others are there when it fails.
+    # The resource that grows most comes last, so that the others' figures are recorded when it fails the clause.
     for name, grown in sorted(least.items(), key=lambda each: each[1]):
         bench.measure(
             f"{name}_per_{what.split()[0]}", max(grown, 0.0), _BOUND, 0.0,
@@ -134,7 +134,7 @@ def _close(bench: Bench) -> None:
 
 
 def _settled(before: Usage | None) -> Usage:
-    """Return what is held once that is no more than before, or does not get less in time."""
+    """Return the usage once it is back to `before`, or no longer falls."""
     until_s = time.monotonic() + _SETTLE_S
     while True:
         gc.collect()

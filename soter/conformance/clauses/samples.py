@@ -1,4 +1,4 @@
-"""Samples: stamps that go on, ages as declared, and a read that waits for nothing."""
+"""Samples: stamps that advance, ages as declared, and a read that never waits."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def stamps(bench: Bench) -> None:
 def age(bench: Bench) -> None:
     """When it is read, the latest sample is no older than declared: of a robot that drives, that creeps, that rests."""
     robot = bench.open_one()
-    # Of all that are open: they may share what carries their samples.
+    # All open robots: they may share the channel that carries their samples.
     ages: dict[int, list[float]] = {}
     rare_s = bench.caps.sample_age_s + bench.caps.jitter_s
     goals: list[Goal] = []
@@ -86,12 +86,12 @@ def age(bench: Bench) -> None:
         elif not goals[-1].active:
             goals.append(robot.goto(slowly, Controller.AC))
         for each in bench.fleet.robots:
-            # Before it is read: what the host does between the two is not the sample's.
+            # Taken before the read: the host's delay between the two is not the sample's age.
             now_s = bench.now_s
             ages[each.id].append(each.read_state().age_s(now_s))
         return False
 
-    # On a wire a host that stands still for once may make a stretch of them old; what is the robot's comes again.
+    # On a wire one pause of the host may make many samples old; a fault of the robot's shows again.
     for ahead, end in ((0.4, 0.9),) if bench.caps.in_process else ((0.4, 0.9), (0.0, -0.9)):
         # Samples of a robot that drives, that creeps and that rests are among them.
         goals.append(bench.get_going(robot, bench.place(robot, ahead)))
@@ -106,7 +106,7 @@ def age(bench: Bench) -> None:
             f"samples of robot {number} queue up (keep only the latest), come too seldom"
             f"{', are crowded out by those of another' * (len(ages) > 1)}, or sample_age_s is declared too small"
         )
-        # One in twenty is judged less sharply: a host that is busy for a moment is no fault of the adapter's.
+        # One in twenty is judged less sharply: a host that is busy for a moment is not the adapter's fault.
         bench.measure("sample_age_s", quantile(seen, 0.95), bench.caps.sample_age_s, 1e-4, cause, spread=seen)
         bench.measure("sample_age_rare_s", quantile(seen, 0.995), rare_s, 1e-4, cause)
 

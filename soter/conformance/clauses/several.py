@@ -1,4 +1,4 @@
-"""Several robots: a command to one never moves another, and nobody's samples are another's."""
+"""Several robots: a command to one never moves another, and no robot hands out another's samples."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def charge(bench: Bench) -> None:
 
 
 def _whose(bench: Bench, said: dict[int, float]) -> str:
-    """Return what is likely wrong with two charges, of which one rose while its robot drove, or fell on the charger."""
+    """Return the likely cause of a charge that rose while its robot drove, or fell on the charger."""
     truth = bench.fleet.truth
     real = {} if truth is None else truth.report().charges
     mixed_up = "one has the charge of the other"

@@ -1,4 +1,4 @@
-"""Speeds of gotos: a goal's own cap, and the robot's."""
+"""Speeds: the caps of goals, and the robot's top speed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LEAST = 0.01
 
 
 def _measure(bench: Bench, robot: Robot, name: str, cap_m_s: float, cause: str) -> None:
-    """See that a robot has been no faster than a cap."""
+    """Fail the clause if a robot was faster than a cap."""
     seen, off = bench.fastest(robot)
     if seen.speed_m_s < 0.5 * (cap_m_s + bench.caps.v_max_m_s):
         cause = f"the cap is rounded up, as to the vehicle's own steps, or run over while it speeds up; or {cause}"
@@ -23,13 +23,13 @@ def _measure(bench: Bench, robot: Robot, name: str, cap_m_s: float, cause: str) 
 
 
 def _begin_at_rest(bench: Bench, robot: Robot) -> None:
-    """Forget what was seen so far, once the robot has come to rest."""
+    """Wait until the robot is at rest, and forget the samples so far."""
     bench.run(SETTLE_S)
     bench.tracks[robot.id].clear()
 
 
 def _hand_over(bench: Bench, robot: Robot, to: Controller, ahead: float, cap_m_s: float) -> None:
-    """See the first goal behind a hand-over keep to its cap, which is that of the last one before it."""
+    """Judge whether the first goal after a hand-over keeps to its cap, equal to that of the goal before."""
     _begin_at_rest(bench, robot)
     robot.switch_ac_sc(to, "conformance")
     bench.go(robot, bench.place(robot, ahead, speed_m_s=cap_m_s), to)
@@ -81,7 +81,7 @@ def speed_cap(bench: Bench) -> None:
                 "backwards a goal's speed_m_s does not count: speeds are compared with their signs",
             )  # fmt: skip
     _hand_over(bench, robot, Controller.AC, 0.15, cap)
-    # A cap is the goal's own: the next one comes up to speed again, and one more slows down.
+    # A cap counts for its own goal only: the next goal is driven fast again, and the one after that slowly.
     fast = bench.place(robot, -0.8)
     bench.get_going(robot, fast, cause="the cap of an earlier goal is kept")
     goal = robot.goto(fast._replace(speed_m_s=cap), Controller.AC)
@@ -107,7 +107,7 @@ def v_max(bench: Bench) -> None:
     """Whatever speed is asked for, the robot keeps to v_max_m_s, clamped on its own side."""
     robot = bench.open_one()
     cap = bench.caps.v_max_m_s
-    # Backwards first, and then forwards through the whole room: what comes of a long run shows.
+    # Backwards first, then forwards through the whole room: some faults show only on a long run.
     ends = [bench.place(robot, at, speed_m_s=100.0) for at in (-0.9, 0.9)]
 
     def judge(where: str) -> None:

@@ -1,4 +1,4 @@
-"""State: frame, units, ranges."""
+"""State: frame, units and ranges of samples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _HEADING_RAD = 0.15
 _STRAIGHT_RAD = 0.02
 _CLEAR = 10.0
 _COURSE_M = 0.2
-"""A course over less is that of what places are rounded to: autopilots tell them to a centimetre, the true ones too."""
+"""Over less, rounding decides the course: autopilots report places, true ones too, in whole centimetres."""
 
 _MANY_SAMPLES = 1500
 _MANY_S = 12.0
@@ -36,7 +36,7 @@ _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
 
 def _drive_about(bench: Bench) -> Robot:
-    """Drive a triangle, so that every quadrant of the heading comes up."""
+    """Drive a triangle, so that headings in every quadrant occur."""
     robot = bench.open_one()
     for ahead, left in ((0.5, 0.0), (0.0, 0.5), (-0.3, -0.3)):
         bench.go(robot, bench.place(robot, ahead, left))
@@ -44,7 +44,7 @@ def _drive_about(bench: Bench) -> Robot:
 
 
 def _straight(bench: Bench, samples: list[TrackSample]) -> list[tuple[TrackSample, TrackSample]]:
-    """Return neighbours between which the robot drove straight on at some speed."""
+    """Return neighbouring samples between which the robot drove straight on at some speed."""
     fast, straight_rad = 0.5 * bench.caps.v_max_m_s, _STRAIGHT_RAD + 2.0 * bench.noise_rad
     return [
         (first, second)
@@ -58,7 +58,7 @@ def _straight(bench: Bench, samples: list[TrackSample]) -> list[tuple[TrackSampl
 def ranges(bench: Bench) -> None:
     """Every sample is finite, in its ranges, of this robot and with the link UP; none is discarded."""
     robot = _drive_about(bench)
-    # What goes wrong once in a thousand samples shows in so many.
+    # Enough samples to show a fault that occurs once in a thousand.
     bench.run(_MANY_SAMPLES * TICK_S if bench.caps.in_process else _MANY_S, closely=True)
     for sample in bench.tracks[robot.id]:
         state = sample.state
@@ -123,7 +123,7 @@ def frame(bench: Bench) -> None:
     """A goto to the east raises x, one to the north raises y."""
     robot = bench.open_one()
     step = 0.3 * bench.harness.room_m / 2.0
-    # It is there as soon as it is within the radius, as far as it knows where it is.
+    # The robot counts as arrived within the radius, as far as it knows where it is.
     slack = bench.near_m + bench.caps.position_noise_m + 0.01 + bench.still_m
     if step <= slack:
         raise NotTested(f"ways of {step:.2f} m say nothing of a robot that may be {slack:.2f} m off: more room")
@@ -148,7 +148,7 @@ def heading(bench: Bench) -> None:
     bench.require(
         len(legs) >= 3, "the robot never drove straight on at half its top speed: v_max_m_s is declared too high"
     )
-    # A course is seen over a way that is much longer than the places at its ends may be off.
+    # A course is taken over a way much longer than the error of the places at its ends.
     least_m = max(_COURSE_M, _CLEAR * bench.noise_m)
     may_be_rad = _HEADING_RAD + 2.0 * bench.noise_m / least_m + bench.noise_rad
     courses = [*_far_enough(legs, least_m)]
@@ -156,7 +156,7 @@ def heading(bench: Bench) -> None:
     for way in courses:
         first, last = way[0], way[-1]
         course = math.atan2(last.y_m - first.y_m, last.x_m - first.x_m)
-        # Headings at the ends of a bend are off its chord by half of it.
+        # Headings at the ends of a bend differ from its chord by half the bend.
         bend_rad = 0.5 * abs(turn(first.heading_rad, last.heading_rad))
         for sample in way:
             off = abs(turn(course, sample.heading_rad))
@@ -170,7 +170,7 @@ def heading(bench: Bench) -> None:
 
 
 def _far_enough(legs: list[tuple[TrackSample, TrackSample]], least_m: float) -> Iterator[list[TrackSample]]:
-    """Yield the samples of straight ways that are at least so long, from end to end."""
+    """Yield the samples of each straight way of at least a given length, end to end."""
     for stretch in _stretches(legs):
         way: list[TrackSample] = []
         for here, there in stretch:
@@ -190,7 +190,7 @@ def velocity(bench: Bench) -> None:
 
 
 def _brakes_as_said(bench: Bench, robot: Robot) -> None:
-    """Judge whether velocities are how places change while a robot that was told to stop comes to rest."""
+    """Judge whether velocities match the change of place while a robot comes to rest."""
     caps, lags_s, ran_m, said_m, off_m, kinks_s = bench.caps, [], 0.0, 0.0, 0.0, 0.0
     bench.run(SETTLE_S)
     for number in range(_STOPS):
@@ -205,7 +205,7 @@ def _brakes_as_said(bench: Bench, robot: Robot) -> None:
         lags_s.append(abs(ran_m - said_m) / max(at.speed_m_s, 1e-3))
         off_m = _STOP_OFF_M + bench.noise_m + (caps.speed_noise_m_s or 0.0) * (seen[-1].at_s - at.at_s)
         kinks_s = max(abs(b.speed_m_s - a.speed_m_s) * (b.at_s - a.at_s) for a, b in pairwise(seen)) / caps.v_max_m_s
-    # In process samples come at the very moments of control, and are off by no more than where a ramp begins and ends.
+    # In process, samples are taken at the moments of control: they are exact but at the start and end of a ramp.
     exact = caps.in_process and caps.speed_noise_m_s is not None
     bench.measure(
         "velocity_lag_s", min(lags_s), kinks_s / 4.0 if exact else caps.setpoint_period_s,
@@ -216,7 +216,7 @@ def _brakes_as_said(bench: Bench, robot: Robot) -> None:
 
 
 def _creeps_as_said(bench: Bench, robot: Robot) -> None:
-    """Judge whether velocities are how places change while a robot is slow."""
+    """Judge whether velocities match the change of place while a robot is slow."""
     caps = bench.caps
     goal = robot.goto(bench.place(robot, -0.8, speed_m_s=_CREEPS * caps.v_max_m_s), Controller.AC)
     bench.run(SETTLE_S)
@@ -239,10 +239,10 @@ def _creeps_as_said(bench: Bench, robot: Robot) -> None:
 
 
 def moves_as_said(bench: Bench, track: list[TrackSample]) -> None:
-    """Judge whether velocities are how places change, wherever a robot drove straight on."""
+    """Judge whether velocities match the change of place wherever a robot drove straight on."""
     legs = _straight(bench, track)
     bench.require(len(legs) >= 3, "samples never showed half of v_max_m_s: velocity is missing, or in another unit")
-    # Over whole stretches, so that noise of one sample does not count; each by itself, so that none hides another.
+    # Over whole stretches, to average the noise of samples; each by itself, so that one does not hide another.
     off = way = 0.0
     slack_m = STILL_M
     for stretch in _stretches(legs):
@@ -261,7 +261,7 @@ def moves_as_said(bench: Bench, track: list[TrackSample]) -> None:
 
 
 def _stretches(legs: list[tuple[TrackSample, TrackSample]]) -> list[list[tuple[TrackSample, TrackSample]]]:
-    """Return pairs of neighbours by what they follow each other in."""
+    """Return the pairs of neighbours, grouped into uninterrupted stretches."""
     found: list[list[tuple[TrackSample, TrackSample]]] = []
     for pair in legs:
         if found and found[-1][-1][1] is pair[0]:
