@@ -1,4 +1,4 @@
-"""What a recording says about its run: the mission, the robots' promises, the modules, the versions."""
+"""Describes a run for its recording: the mission, the robots' promises, the modules, the versions."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ DISTRIBUTIONS: Final = ("soter-rta", "mcap", "msgspec", "numpy", "pydantic", "py
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """What is to be run.
+    """A run, before its first tick.
 
     Attributes:
-        mission: the effective one.
-        workspace: where.
-        robots: their supervisors, each with its tap.
-        modules: as declared, by robot id.
+        mission: the effective mission.
+        workspace: its workspace.
+        robots: the robots' supervisors, each with its tap.
+        modules: the declared modules, by robot id.
         capabilities: what the robots promise, by id.
-        timings: what that adds to every horizon, by id.
+        timings: what these promises add to every horizon, by id.
         peers: what robots of other processes promise, by id.
-        accepted_unproved: what is run although it is not proved.
+        accepted_unproved: what the user accepted without proof.
     """
 
     mission: MissionFile
@@ -52,7 +52,7 @@ class Setup:
 
 
 def describe(setup: Setup) -> About:
-    """Return what is known about a run, robots by id, before its first tick."""
+    """Return the description of a run before its first tick, with robots by id."""
     mission, modules, capabilities = setup.mission, setup.modules, setup.capabilities
     names = tuple(module.name for module in next(iter(modules.values()), ()))
     return About(
@@ -76,7 +76,7 @@ def describe(setup: Setup) -> About:
 
 
 def files(mission: MissionFile, workspace: Workspace) -> dict[str, bytes]:
-    """Return the mission file and the workspace file as they are now; what cannot be read is left out."""
+    """Return the mission file and the workspace file as they are now; unreadable files are left out."""
     polygons = isinstance(workspace, Site)
     found = {SITE_JSON: msgspec.json.encode(workspace.plan)} if isinstance(workspace, Site) else {}
     for name, path in ((MISSION_TOML, mission.source), (WORKSPACE_XML, mission.workspace)):
@@ -91,7 +91,7 @@ def files(mission: MissionFile, workspace: Workspace) -> dict[str, bytes]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what a run depends on, by name; what is not installed is left out."""
+    """Return the versions of a run's dependencies, by name; those that are not installed are left out."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for name in DISTRIBUTIONS:
         try:
@@ -146,5 +146,5 @@ def _module(module: RTAModule, timing: Timing) -> ModuleAbout:
 
 
 def _plain(value: float | bool) -> float | bool | str:
-    """Return a promise as JSON can have it."""
+    """Return a promise as a value that JSON can hold."""
     return value if math.isfinite(value) else str(value)

@@ -1,4 +1,4 @@
-"""What a recording has beside its messages: files, among them what was run, and what came of it."""
+"""The attachments of a recording, beside its messages: files, among them the run's description and its result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class PeerAbout(Message):
 
     Attributes:
         robot_id: its number.
-        capabilities: what it promises, by name; what it leaves open is left out.
+        capabilities: what it promises, by name, without what it leaves open.
     """
 
     robot_id: Whole
@@ -26,7 +26,7 @@ class RobotAbout(Message):
 
     Attributes:
         robot_id: its number.
-        capabilities: what it promised, by name; what it left open is left out.
+        capabilities: what it promised, by name, without what it left open.
         initial: the sample before the first tick.
         modules: its modules.
     """
@@ -44,9 +44,9 @@ class ModuleAbout(Message):
         name: its name.
         delta_s: its Delta.
         dwell_s: how long phi_safer must hold before control goes back.
-        unit: of its margin; empty where the rule is given by predicates.
-        edge_margin: the margin at the edge of phi_safer; None where it has none.
-        horizon_reach: the most that the margin can fall within the horizon H; None where there is no model.
+        unit: the unit of its margin; empty if the rule is given by predicates.
+        edge_margin: the margin at the edge of phi_safer; None without one.
+        horizon_reach: the most that the margin can fall within the horizon H; None without a model.
     """
 
     name: str
@@ -58,22 +58,22 @@ class ModuleAbout(Message):
 
 
 class About(Message):
-    """What was run, where, with what. Kept in a recording as the attachment `about.json`.
+    """The description of a run. Kept in a recording as the attachment `about.json`.
 
     Attributes:
-        version: of the messages.
-        mission: the effective mission, with what the command line changed, as TOML tables.
-        source: the mission file, empty if it was made in code.
+        version: the version of the messages.
+        mission: the effective mission, with the command line's changes, as TOML tables.
+        source: the mission file; empty if the mission was made in code.
         backend: name of the backend.
-        seed: of the mission.
+        seed: the mission's seed.
         base_tick_s: period of the tick.
         virtual_time: whether time stood still while nobody slept.
-        started_utc: when, in ISO 8601.
+        started_utc: when the run started, in ISO 8601.
         modules: names of the modules, in their order.
-        robots: all of them, in the order of the supervisor.
-        versions: of SOTER, Python, the platform and the libraries, by name.
+        robots: all robots, in the order of the supervisor.
+        versions: the versions of SOTER, Python, the platform and the libraries, by name.
         peers: robots of other processes.
-        accepted_unproved: what was run although it is not proved.
+        accepted_unproved: what the user accepted without proof.
     """
 
     version: int
@@ -92,7 +92,7 @@ class About(Message):
 
 
 class FailedAssumption(Message):
-    """At how many looks an assumption did not hold, as a result says; the first, in fleet time, and its cause."""
+    """A failed assumption in a result: the number of looks at which it failed, fleet time and cause of the first."""
 
     times: Whole
     first_s: float
@@ -100,19 +100,19 @@ class FailedAssumption(Message):
 
 
 class Result(Message):
-    """What readers take from the result of a run, `result.json`; all of it is `soter.runner.RunResult`.
+    """The parts of a run's result, `result.json`, that readers use; the whole is `soter.runner.RunResult`.
 
     Attributes:
         status: how the run ended.
-        duration_s: how long it went on, in fleet time.
-        failure: why it failed.
-        engine: of the backend.
-        violations: by rule; None where there was no truth.
-        min_margin: by rule, likewise.
+        duration_s: how long the run lasted, in fleet time.
+        failure: why the run failed.
+        engine: the backend's engine.
+        violations: number by rule; None without ground truth.
+        min_margin: least margin by rule; None without ground truth.
         truth_ended_s: fleet time at which ground truth fell silent.
-        trace_sha256: of all states and decisions.
-        assumptions: by robot and number, those that were seen not to hold.
-        never_moved: robots that stood still.
+        trace_sha256: hash of all states and decisions.
+        assumptions: failed assumptions, by robot and number.
+        never_moved: robots that stood still all the time.
     """
 
     status: str
@@ -131,6 +131,6 @@ ABOUT_JSON: Final = "about.json"
 MISSION_TOML: Final = "mission.toml"
 WORKSPACE_XML: Final = "workspace.xml"
 SITE_JSON: Final = "site.json"
-"""A workspace that is made of polygons, whatever file it was read from."""
+"""Name of the attachment with a workspace made of polygons, whatever file it was read from."""
 
 RESULT_JSON: Final = "result.json"

@@ -1,7 +1,7 @@
-"""Checksums of records that decisions rest on: they tell that one was changed after it had been written.
+"""Checksums inside the records that decisions rest on: they show if a record was changed after it was written.
 
-A recording as a whole has a digest, against damage. These stand inside of the records, so that one that was changed by
-whatever converted or edited the file, and gave it a digest of its own, is found as well.
+A recording as a whole has a digest, against damage. A tool that converts or edits the file may give it a new digest;
+the checksums show a change of a record in that case as well.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from soter.record.messages import PeerEvent, RobotTick
 
 
 class Flaw(NamedTuple):
-    """A robot's record in a tick, by its fleet time, that does not fit its checksum."""
+    """A robot's record, at a fleet time, that does not fit its checksum."""
 
     time_s: float
     robot_id: int
 
 
 def seal(record: RobotTick | PeerEvent) -> str:
-    """Return the checksum of a record: a CRC-32 over all of it but the checksum."""
+    """Return the checksum of a record: a CRC-32 over all other fields."""
     return f"{zlib.crc32(msgspec.json.encode(msgspec.structs.replace(record, check=''))):08x}"
 
 

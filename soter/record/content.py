@@ -1,4 +1,4 @@
-"""What a recording holds, in the forms in which readers take it: tick by tick, and as arrays for those who draw."""
+"""The content of a recording, tick by tick and as arrays for drawing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from soter.record.tracks import Track
 
 
 class RecordedWay(NamedTuple):
-    """What an AC meant to drive at a fleet time: the places, x and y in metres, that the way led through."""
+    """The way that an AC intended to drive at a fleet time: its places, x and y in metres."""
 
     time_s: float
     robot_id: int
@@ -24,15 +24,15 @@ class RecordedWay(NamedTuple):
 
 
 class RecordedTick(NamedTuple):
-    """All robots at one tick, and what was said since the tick before.
+    """All robots at one tick, and the events since the tick before.
 
     Attributes:
-        tick: its number, from 0.
+        tick: number of the tick, from 0.
         time_s: fleet time.
         host_ns: the host's time of day, in nanoseconds since 1970.
-        robots: by id.
-        events: in the order in which they happened.
-        ways: what ACs meant to drive.
+        robots: the robots' records, by id.
+        events: the events, in the order in which they happened.
+        ways: the ways that ACs intended to drive.
     """
 
     tick: int
@@ -45,11 +45,11 @@ class RecordedTick(NamedTuple):
 
 @dataclass(slots=True)
 class Series(Track):
-    """One robot over time; `driver` counts `Content.drivers`.
+    """One robot over time; `driver` is an index into `Content.drivers`.
 
     Attributes:
         heading_rad: counter-clockwise from east.
-        margins: by module, in its unit; it may be infinite, or NaN.
+        margins: margins by module, in the module's unit; values may be infinite or NaN.
         reaches: reach bounds, likewise.
     """
 
@@ -60,26 +60,26 @@ class Series(Track):
 
 @dataclass(slots=True)
 class Content:
-    """A recording as a whole.
+    """All of a recording.
 
     Attributes:
-        drivers: "AC" and the names of the modules; what `Series.driver` counts.
-        series: by robot id, in the order of the robots.
-        ticks: how many were recorded.
+        drivers: "AC" and the names of the modules; `Series.driver` is an index into this.
+        series: each robot over time, by id, in the order of the robots.
+        ticks: number of recorded ticks.
         first_s: fleet time of the first tick.
         last_s: fleet time of the last tick.
-        robot_ticks: how many there were of all robots together.
-        ac_ticks: in how many of them the AC drove.
-        switches: every change of hands, in order.
-        targets: begun and ended.
-        goals: sent and ended.
-        transitions: of the mission's machines.
-        faults: injected, as they grew.
-        violations: as ground truth saw them, the newest word on each; an interval that goes on has no end.
-        breaches: spells of failed assumptions, the newest word on each, by robot, assumption and beginning.
-        stalls: robots without their AC for long, the newest word on each, by robot and beginning.
-        drops: gaps.
-        ways: what ACs meant to drive.
+        robot_ticks: number of ticks of all robots together.
+        ac_ticks: number of those in which the AC drove.
+        switches: every change of control, in order.
+        targets: targets begun and ended.
+        goals: goals sent and ended.
+        transitions: transitions of the mission's machines.
+        faults: injected faults, with growing counts.
+        violations: the latest event of each violation in ground truth; one that still lasts has no end.
+        breaches: the latest event of each spell of a failed assumption, by robot, assumption and beginning.
+        stalls: the latest event of each robot's long time without its AC, by robot and beginning.
+        drops: gaps in the recording.
+        ways: the ways that ACs intended to drive.
     """
 
     drivers: tuple[str, ...]
@@ -107,7 +107,7 @@ class Content:
         return cls((AC, *about.modules), {robot.robot_id: Series() for robot in about.robots})
 
     def add(self, tick: RecordedTick, every_ticks: int = 1) -> None:
-        """Add a tick with what was said before it; to the series only if its number is a multiple of `every_ticks`."""
+        """Add a tick with its events; to the series only if its number is a multiple of `every_ticks`."""
         for event in tick.events:
             self._sort_in(event)
         self.ways += tick.ways
@@ -123,7 +123,7 @@ class Content:
                 _append(self.series[robot_id], record, self.drivers.index(record.driver))
 
     def forget_series(self) -> None:
-        """Empty the series, of which there is more with every tick; events and counts stay."""
+        """Empty the series, which grow with every tick; events and counts stay."""
         self.series = {robot_id: Series() for robot_id in self.series}
 
     @property
@@ -133,15 +133,15 @@ class Content:
 
     @property
     def dropped_ticks(self) -> int:
-        """How many ticks are missing within."""
+        """How many ticks are missing in the recording."""
         return sum(drop.ticks for drop in self.drops)
 
     def _sort_in(self, event: messages.Event) -> None:
         match event:
             case messages.PeerEvent():
-                pass  # for replays: there is one at every tick
+                pass  # only replays need these; there is one at every tick
             case messages.ViolationEvent():
-                # There may have been a word on it before; this one is newer.
+                # Replaces an earlier event about the same violation.
                 key = (event.rule, event.robots, event.start_s)
                 at = self._violation_at.setdefault(key, len(self.violations))
                 self.violations[at : at + 1] = [event]

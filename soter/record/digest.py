@@ -1,8 +1,8 @@
-"""Proof that a recording is what was written: a digest over every byte of it, and on request a signature.
+"""Proof that a recording is unchanged: a digest over every byte of it, and on request a signature.
 
-The last record of a recording's data holds a SHA-256 over the whole file, in which that record's own digest and
-signature read as zeros. So no bit can change unnoticed, the index behind it included. The signature is one of that
-hash; the digest is one of the hash and the signature. That there is to be a digest stands in the head of the file.
+The last record of a recording's data holds both. The whole file is hashed with SHA-256, with zeros in place of them;
+so no bit can change unnoticed, the index behind that record included. The signature signs that hash;
+the digest covers the hash and the signature. The head of the file says that there must be a digest.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import IO, BinaryIO, Final, NamedTuple
 from mcap.opcode import Opcode
 
 LIBRARY: Final = "soter, with digest"
-"""What the head of a recording names as its writer, if it is to have a digest."""
+"""Name of the writer in the head of a recording that must have a digest."""
 
 RECORD: Final = "soter.digest"
 _DIGEST: Final = "sha256"
@@ -29,7 +29,7 @@ _KEY: Final = "signed by"
 _KEYS: Final = (_KEY, _SIGNATURE, _DIGEST)
 
 MAGIC: Final = b"\x89MCAP0\r\n"
-"""What every MCAP file begins and ends with."""
+"""The bytes that every MCAP file begins and ends with."""
 
 DIGEST_DIGITS: Final = 64
 SIGNATURE_DIGITS: Final = 128
@@ -43,7 +43,7 @@ Sign = Callable[[bytes], bytes]
 
 
 class DigestState(Enum):
-    """What a recording's digest says of it."""
+    """The result of checking a recording's digest."""
 
     WHOLE = "whole"
     CHANGED = "changed"
@@ -52,14 +52,14 @@ class DigestState(Enum):
 
 
 class Proof(NamedTuple):
-    """What was found out about a recording.
+    """What is proved about a recording.
 
     Attributes:
-        state: in a word.
-        why: what was found, for messages.
-        key: the public key of who has signed it, as hexadecimal digits; empty for nobody.
-        signed: what the signature is of.
-        signature: it; empty for none.
+        state: the result of checking the digest.
+        why: the finding, for messages.
+        key: the public key of the signer, as hexadecimal digits; empty if not signed.
+        signed: the bytes that the signature signs.
+        signature: the signature; empty if not signed.
     """
 
     state: DigestState
@@ -70,7 +70,7 @@ class Proof(NamedTuple):
 
 
 class Sealed:
-    """A stream that hashes what is written to it, and at the end puts the digest where it belongs."""
+    """A stream that hashes all that is written to it, and at the end puts the digest into its record."""
 
     def __init__(self, stream: IO[bytes], sign: Sign | None = None, key: bytes = b"") -> None:
         self._stream: Final = stream
@@ -81,7 +81,7 @@ class Sealed:
         self._size = 0
 
     def write(self, data: bytes) -> int:
-        """Write; while the end is held, only into memory."""
+        """Write data; after `hold`, only into memory."""
         self._size += len(data)
         if self._held is None:
             self._hash.update(data)
@@ -91,21 +91,21 @@ class Sealed:
         return len(data)
 
     def tell(self) -> int:
-        """Return how much was written."""
+        """Return the number of bytes written."""
         return self._size
 
     def flush(self) -> None:
-        """Hand everything but a held end to the system."""
+        """Hand all data to the system but what is held in memory."""
         self._stream.flush()
 
     def hold(self) -> dict[str, str]:
-        """Hold what follows, and return the record that is to follow first, by its keys."""
+        """Hold all later data in memory; return the keys and values of the record to write next."""
         self._held = bytearray()
         signature = "0" * SIGNATURE_DIGITS if self._sign else ""
         return {_KEY: self._key.hex(), _SIGNATURE: signature, _DIGEST: "0" * DIGEST_DIGITS}
 
     def finish(self) -> None:
-        """Write the end, with digest and signature in it."""
+        """Write the held data, with digest and signature filled in."""
         held = self._held
         assert held is not None
         opcode, length = _HEAD.unpack_from(held)
@@ -121,10 +121,10 @@ class Sealed:
 
 
 def opened(path: Path) -> BinaryIO:
-    """Open a recording, which is not a pipe: it is read more than once, and opening one might wait for ever.
+    """Open a recording. Pipes are refused: a recording is read more than once, and opening a pipe may wait for ever.
 
     Raises:
-        OSError: it cannot be.
+        OSError: the file cannot be opened, or is a pipe.
     """
     if path.is_fifo():
         raise OSError(errno.ESPIPE, "it is a pipe, allowed: a file")
@@ -132,10 +132,10 @@ def opened(path: Path) -> BinaryIO:
 
 
 def prove(path: Path) -> Proof:
-    """Read a recording and say whether it is what was written.
+    """Read a recording, and return whether it is unchanged since it was written.
 
     Raises:
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     with opened(path) as stream:
         return _proof(stream, os.fstat(stream.fileno()).st_size)
@@ -198,7 +198,7 @@ def _compared(stream: BinaryIO, at: int, content: bytes) -> Proof:
 
 
 def _broken(stream: BinaryIO, size: int) -> Proof:
-    """Judge a file whose records do not come to their end: one that was closed has its mark there."""
+    """Judge a file with an incomplete record: changed if it ends with MCAP's mark, as closed files do, else cut off."""
     if _ends(stream, size):
         return Proof(DigestState.CHANGED, "its records do not fit together")
     return Proof(DigestState.CUT_OFF, "it was cut off, and so has no digest")
@@ -210,9 +210,9 @@ def _ends(stream: BinaryIO, size: int) -> bool:
 
 
 def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int, int, bytes | None]]:
-    """Yield every record: opcode, where it begins, its length, and what is in it if that matters.
+    """Yield every record: opcode, position, length, and the content if it matters.
 
-    The last one has None where the file ends before it does.
+    The content of the last record is None if the file ends within it.
     """
     at = len(MAGIC)
     while at < size:
@@ -231,7 +231,7 @@ def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int, int, bytes
 
 
 def _feed(hashed: hashlib._Hash, stream: BinaryIO, length: int) -> None:
-    """Hash so many bytes of a file; all that there are for -1."""
+    """Hash `length` bytes of a file; the rest of it for -1."""
     while length:
         data = stream.read(_BLOCK_BYTES if length < 0 else min(length, _BLOCK_BYTES))
         if not data:
@@ -258,11 +258,11 @@ def _attached(content: bytes) -> bool:
 
 
 def _values(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the values of a digest's record, each with where it begins.
+    """Yield the values of a digest's record, each with its position.
 
     Raises:
-        ValueError: its keys are others.
-        struct.error: it ends too early.
+        ValueError: the record has other keys.
+        struct.error: the record ends too early.
     """
     at = _text(content, 0)[1] + _LENGTH.size
     for name in _KEYS:
@@ -275,7 +275,7 @@ def _values(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _text(content: bytes, at: int) -> tuple[bytes, int]:
-    """Return a text after its length, and where it ends."""
+    """Return a text with a length prefix, and the position of its end."""
     begin = at + _LENGTH.size
     end = begin + _LENGTH.unpack_from(content, at)[0]
     return content[begin:end], end

@@ -31,14 +31,14 @@ def csv_files(folder: Path) -> list[Path]:
 
 
 def export_csv(recording: Recording, folder: Path) -> list[Path]:
-    """Write all messages of a recording into CSV files; return those that were written.
+    """Write all messages of a recording into CSV files; return the written files.
 
     `ticks.csv` has a line a robot and tick, `modules.csv` one a module, robot and tick; the others one an event.
-    Numbers are written so that reading them gives the same bits; what is absent is an empty cell.
+    Numbers are written so that reading them gives the same bits; absent values are empty cells.
 
     Raises:
-        OSError: it cannot be written.
-        BadRecording: it is damaged; what was read until then has been written.
+        OSError: a file cannot be written.
+        BadRecording: the recording is damaged; all messages before the damage have been written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     heads = [(*_TICK, *StateMessage.__struct_fields__, "ac_failure"), _MODULE]

@@ -1,4 +1,4 @@
-"""A recording as an MCAP file that is being written: channels and schemas, and chunks that are closed in time."""
+"""Writes a recording as an MCAP file: channels and schemas, and chunks that are closed in time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _encode: Final = msgspec.json.Encoder().encode
 
 
 def json_schema(message: type[Struct]) -> dict[str, Any]:
-    """Return the JSON schema of a message, an object at its root as MCAP's readers want it."""
+    """Return the JSON schema of a message, with an object at its root, as MCAP's readers require."""
     schema = msgspec.json.schema(message)
     definitions = schema.pop("$defs")
     root = definitions.pop(schema.pop("$ref").rpartition("/")[2])
@@ -38,7 +38,7 @@ def channels(robot_ids: Iterable[int]) -> dict[str, type[Struct]]:
 
 
 def definition(message: type[Struct]) -> bytes:
-    """Return the JSON schema of a message as it stands in a recording."""
+    """Return the JSON schema of a message as the bytes that a recording holds."""
     return _encode(json_schema(message))
 
 
@@ -46,12 +46,12 @@ class RecordingFile:
     """The file of one recording. Times are nanoseconds of fleet time and, for publishing, of the host's day.
 
     Args:
-        stream: where it goes; a buffered binary file.
-        sign: returns a signature of the whole, or None for none.
-        key: the public key that it can be told by.
+        stream: the buffered binary file to write to.
+        sign: returns a signature of the file's hash; None to leave it unsigned.
+        key: the public key that verifies the signature.
 
     Raises:
-        OSError: from every method, when the file cannot be written.
+        OSError: from every method, if the file cannot be written.
     """
 
     def __init__(self, stream: IO[bytes], sign: Sign | None = None, key: bytes = b"") -> None:
@@ -65,11 +65,11 @@ class RecordingFile:
         self._writer.start(profile=PROFILE, library=LIBRARY)
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
-        """Add a file."""
+        """Add a file as an attachment."""
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def describe(self, name: str, values: Mapping[str, str]) -> None:
-        """Add a list of keys and values that every MCAP tool shows."""
+        """Add keys and values as metadata, which every MCAP tool shows."""
         self._writer.add_metadata(name, dict(values))
 
     def write(self, topic: str, message: Struct, time_ns: int, host_ns: int) -> None:
@@ -82,7 +82,7 @@ class RecordingFile:
         self._pending = True
 
     def flush(self) -> None:
-        """Close the chunk and hand everything to the system: whatever happens now, it can be read."""
+        """Close the chunk and hand all data to the system, so that it can be read whatever happens later."""
         if self._pending:
             self._pending = False
             self._writer.flush()  # type: ignore[no-untyped-call]

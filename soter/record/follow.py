@@ -13,7 +13,7 @@ from soter.record.reader import Recording
 
 
 class RawMessage(NamedTuple):
-    """A message as it stands in a file: JSON, with the JSON schema that defines it, at a fleet time."""
+    """A message as the file holds it: JSON, with its JSON schema, at a fleet time."""
 
     topic: str
     schema: str
@@ -23,17 +23,17 @@ class RawMessage(NamedTuple):
 
 
 class GrowingRecording(Recording):
-    """A recording that somebody is writing. Reading waits for what is not there yet.
+    """A recording that is still being written. Reading waits for data that is not there yet.
 
-    Whoever writes it never waits for a reader, and does not know of any.
+    The writer never waits for readers, and does not know of them.
 
     Args:
         path: the file.
         ended: returns whether nothing more will be written.
-        wait: called whenever there is nothing to read for now; returns after a while.
+        wait: called when there is nothing to read at the moment; returns after a while.
 
     Raises:
-        BadRecording: it is none, or writing ended before anything was said.
+        BadRecording: the file is no recording, or writing ended before the run was described.
     """
 
     def __init__(self, path: Path, ended: Callable[[], bool], wait: Callable[[], None]) -> None:
@@ -43,14 +43,14 @@ class GrowingRecording(Recording):
 
     @property
     def truncated(self) -> bool:
-        """Whether the file was not closed; False until it has been read to where it ends."""
+        """Whether the file was not closed; False until it has been read to its end."""
         return bool(self._truncated)
 
     def raw(self) -> Iterator[RawMessage]:
-        """Yield every message, those for the eye too.
+        """Yield every message, including those for viewers.
 
         Raises:
-            BadRecording: something in it is damaged.
+            BadRecording: a part of the file is damaged.
         """
         schemas: dict[int, Schema] = {}
         channels: dict[int, tuple[str, Schema]] = {}
@@ -64,14 +64,14 @@ class GrowingRecording(Recording):
                 channels[record.id] = record.topic, schemas[record.schema_id]
 
     def _prove(self) -> None:
-        """Prove nothing: the digest comes last."""
+        """Return None: the digest is only written at the end."""
 
     def _open(self) -> BinaryIO:
         return _Waiting(self.path, self._ended, self._wait)
 
 
 class _Waiting(BufferedReader):
-    """A file that ends where nothing more will be written to it."""
+    """A file whose end is reached only once nothing more will be written to it."""
 
     def __init__(self, path: Path, ended: Callable[[], bool], wait: Callable[[], None]) -> None:
         super().__init__(FileIO(path))
@@ -82,7 +82,7 @@ class _Waiting(BufferedReader):
         wanted = -1 if size is None else size
         data = super().read(wanted)
         while 0 <= len(data) < wanted:
-            # Asked before looking again: what is written between the two is not missed.
+            # Checked before reading again, so that data written in between is not missed.
             ended = self._ended()
             more = super().read(wanted - len(data))
             if not more and ended:

@@ -16,7 +16,7 @@ from soter.geometry.site import Site
 from soter.geometry.workspace import Box, Workspace
 
 FRAME: Final = "workspace"
-"""The frame that everything stands in: ENU, metres."""
+"""The frame of all positions: ENU, metres."""
 
 ROBOT_HEIGHT_M: Final = 0.19
 _FLAT_M: Final = 0.004
@@ -39,7 +39,7 @@ class FoxgloveTime(Struct):
 
     @classmethod
     def of(cls, time_s: float) -> FoxgloveTime:
-        """Return a fleet time; there is none before 0."""
+        """Return a fleet time as seconds and nanoseconds; negative times become 0."""
         return cls(*divmod(nanoseconds(time_s), 1_000_000_000))
 
 
@@ -197,11 +197,11 @@ TOPICS: Final[dict[type[Struct], tuple[str, ...]]] = {
     PosesInFrame: (WAY_TOPIC,),
     Log: (LOG_TOPIC,),
 }
-"""Where each of them is recorded."""
+"""The topics on which each message is recorded."""
 
 
 def nanoseconds(time_s: float) -> int:
-    """Return a fleet time in nanoseconds; there is none before 0."""
+    """Return a fleet time in nanoseconds; negative times become 0."""
     return max(0, round(time_s * 1e9))
 
 
@@ -213,7 +213,7 @@ def robot_frame(robot_id: int) -> str:
 def transform(
     time: FoxgloveTime, robot_id: int, x_m: float, y_m: float, z_m: float, heading_rad: float
 ) -> FrameTransform:
-    """Return where a robot stands."""
+    """Return a robot's pose as the transform of its frame."""
     return FrameTransform(
         time,
         FRAME,
@@ -224,7 +224,7 @@ def transform(
 
 
 def way(time: FoxgloveTime, places: Sequence[tuple[float, float]]) -> PosesInFrame:
-    """Return a way as poses, each looking at the next."""
+    """Return a way as poses, each heading for the next."""
     headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(places)] or [0.0]
     headings.append(headings[-1])
     return PosesInFrame(
@@ -238,12 +238,12 @@ def way(time: FoxgloveTime, places: Sequence[tuple[float, float]]) -> PosesInFra
 
 
 def workspace_scene(workspace: Workspace) -> SceneUpdate:
-    """Return the fence, the boxes and the chargers."""
+    """Return the fence, the boxes and the chargers as a scene."""
     fence, kept_out = workspace.outlines()
     lines = [_line(fence, 0.0, FENCE_COLOUR)] if fence else []
     cubes = [_cube(place.charger, _FLAT_M, CHARGER_COLOUR) for place in workspace.robots]
     if isinstance(workspace, Site):
-        # A polygon is drawn round its foot and round its top.
+        # A polygon is drawn as two lines, one around its base and one around its top.
         grid = workspace.plan.map
         heights_m = (
             [area.height_m for area in workspace.plan.areas] if grid is None else [grid.height_m] * len(kept_out)
@@ -264,7 +264,7 @@ def _line(ring: Sequence[tuple[float, float]], z: float, colour: tuple[float, fl
 
 
 def robot_scene(time: FoxgloveTime, robot_id: int, radius_m: float, by_ac: bool) -> SceneUpdate:
-    """Return a robot as a disc with an arrow, in the colour of who drives."""
+    """Return a robot as a disc with an arrow, in the colour of its active controller."""
     colour = Color(*(AC_COLOUR if by_ac else SC_COLOUR))
     size = FoxgloveVector3(2.0 * radius_m, 2.0 * radius_m, ROBOT_HEIGHT_M)
     body = CylinderPrimitive(_at(0.0, 0.0, ROBOT_HEIGHT_M / 2.0), size, 1.0, 1.0, colour)
@@ -277,7 +277,7 @@ def robot_scene(time: FoxgloveTime, robot_id: int, radius_m: float, by_ac: bool)
 
 
 def _seen(value: float) -> float:
-    """Return a value as exactly as an eye sees it: digits that nobody sees are most of what a file holds."""
+    """Return a value rounded to what can be seen in a picture: invisible digits would be most of a file."""
     return round(value, 5)
 
 

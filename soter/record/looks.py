@@ -1,4 +1,4 @@
-"""What a recording says of things that last: looked at again and again, and told where there is something new."""
+"""Polls the parts of a run that last (violations, faults, assumptions, stalls) and yields their news as events."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from soter.rta import RobotSupervisor
 from soter.sdk import FaultReport, Truth
 
 LOOK_S: Final = 1.0
-"""Fleet time between two looks; less than two spells of a failed assumption are apart, so that none is missed."""
+"""Fleet time between two looks; shorter than the gap between two spells of a failed assumption, to miss none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stall:
-    """A time in which a robot was for long without its AC, and not charging.
+    """A long time in which a robot was without its AC, and not charging.
 
     Attributes:
         robot_id: which robot.
         start_s: fleet time at which it began.
         end_s: fleet time at which it ended; None while it goes on.
-        module: whose safe controller had the robot, when it was last looked at.
-        cause: why, in words.
+        module: the module whose safe controller drove the robot at the latest look.
+        cause: why that module had fired, in words.
     """
 
     robot_id: int
@@ -36,7 +36,7 @@ class Stall:
 
 
 class Looks:
-    """Looks at ground truth, faults, assumptions and stalls of one run."""
+    """Polls ground truth, faults, assumptions and stalls of one run."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class Looks:
         self._counted: Final[dict[tuple[object, ...], tuple[float, int]]] = {}
 
     def look(self, now_s: float) -> Iterator[Event]:
-        """Yield what was not known at the look before."""
+        """Yield events for all that is new since the look before."""
         if self._truth is not None:
             for each in self._truth.report().violations:
                 if self._is_news(("violation", each.rule, each.robots, each.start_s), each.end_s):

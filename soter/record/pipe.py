@@ -1,4 +1,4 @@
-"""The run's end of a recording: a pipe to the process that writes it."""
+"""The run's side of a recording: a pipe to the process that writes it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ import msgspec
 from soter.record.wire import Task, WriterOutcome
 
 CAPACITY_BYTES: Final = 1 << 20
-"""What is asked for on a wall clock: more than a minute of two robots at 20 Hz. The system may give less."""
+"""Requested size of the pipe on a wall clock: more than a minute of two robots at 20 Hz. The system may give less."""
 
 BUSY_CAPACITY_BYTES: Final = 1 << 18
-"""The same in virtual time: what is in the pipe is not in the file yet."""
+"""The same in virtual time: less, since data in the pipe are not in the file yet."""
 
 HELD_BYTES: Final = 1 << 24
-"""What one frame may have: the run holds what the pipe does not take, up to a frame."""
+"""Largest frame: the run holds the part of a frame that the pipe does not take yet."""
 
 _KILLED: Final = "its writer was killed"
 
@@ -36,25 +36,25 @@ READY_S: Final = 10.0
 _LOOK_S: Final = 0.1
 
 CLOSE_S: Final = 30.0
-"""Host time that the writer is given at the end for what is still in the pipe."""
+"""Host time that the writer is given at the end for the data still in the pipe."""
 
 
 class WriterPipe:
     """Starts the writer and passes frames on to it. Used from one thread.
 
     Args:
-        path: the file. What was in it is replaced when the new recording is complete, and stays if the run does not
-            come to its end; a new file is written in its place from the start.
-        waits: whether to wait when the writer does not follow, which loses nothing; if not, frames are dropped.
-        sign: the private key that the recording is signed with, or None.
-        stop: whether the run is to end, so that it waits no longer for a writer that somebody has stopped.
+        path: the file. An existing one is replaced when the new recording is complete, and stays if the run does not
+            come to its end; a file that does not exist yet is written in place from the start.
+        waits: whether to wait if the writer does not keep up, which loses nothing; if not, frames are dropped.
+        sign: the private key to sign the recording with, or None.
+        stop: returns whether the run is to end; then it no longer waits for a suspended writer.
 
     Attributes:
         writing: the file that is written.
-        failure: why there is no writer any more; empty while there is.
+        failure: why the writer has failed; empty while it works.
 
     Raises:
-        OSError: the file cannot be written, or no process be started.
+        OSError: the file cannot be written, or no process started.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class WriterPipe:
         target = path.resolve()
         replaces = target.is_file() and target.stat().st_size > 0
         self.writing: Final = target.with_name(f"{target.name}.{os.getpid()}.new") if replaces else path
-        # A pipe that nobody reads is refused, and not waited for.
+        # Opening a pipe without a reader fails at once, instead of waiting.
         file_fd = os.open(self.writing, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK, 0o666)
         os.set_blocking(file_fd, True)
         try:
@@ -75,10 +75,10 @@ class WriterPipe:
         except OSError:
             os.close(file_fd)
             raise
-        # A buffer knows to the byte what has gone, even if the handler of a signal raises within a write.
+        # A buffer knows to the byte what was written, even if a signal handler raises within a write.
         self._sink: Final = io.BufferedWriter(io.FileIO(sink, "wb"), HELD_BYTES)
         capacity = _resized(sink, BUSY_CAPACITY_BYTES if waits else CAPACITY_BYTES)
-        # The writer is found where this module was, whatever made it importable.
+        # The writer must import the same modules, however this process came to find them.
         env = {**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)}
         how = msgspec.json.encode(Task(
             nice=not waits, sign=None if sign is None else str(sign.absolute()),
@@ -107,7 +107,7 @@ class WriterPipe:
         return self._process.pid
 
     def send(self, frame: bytes) -> bool:
-        """Pass a frame on; return False if it was dropped, because the writer does not follow or has ended."""
+        """Pass a frame on; return False if it was dropped, because the writer does not keep up or has ended."""
         if self.failure:
             return False
         if len(frame) > HELD_BYTES:
@@ -124,7 +124,7 @@ class WriterPipe:
         return True
 
     def wait_ready(self) -> None:
-        """Wait until the first frame stands in the file, for at most `READY_S`: nothing is recorded before that."""
+        """Wait until the first frame is in the file, for at most `READY_S`: without it nothing can be read."""
         os.set_blocking(self._sink.fileno(), False)
         out = self._process.stdout
         if self.failure or out is None or not select.select([out], [], [], READY_S)[0]:
@@ -134,7 +134,7 @@ class WriterPipe:
             self._fail(said)
 
     def close(self, last: bytes) -> WriterOutcome:
-        """Send a last frame and end the writer; wait for at most `CLOSE_S`. Empty if the run has nothing to say."""
+        """Send a last frame, which may be empty, and end the writer; wait for at most `CLOSE_S`."""
         until_s = time.monotonic() + CLOSE_S
         self._go_on()
         if not self.failure:
@@ -158,7 +158,7 @@ class WriterPipe:
             return WriterOutcome(_KILLED)
 
     def _taken(self) -> bool:
-        """Pass on what is held, and wait for that where the run waits; return whether nothing is left of it."""
+        """Pass on the held data, waiting if the run may wait; return whether all were passed on."""
         while not self._pushed():
             if not self._waits:
                 return False
@@ -169,12 +169,12 @@ class WriterPipe:
         return True
 
     def _go_on(self) -> None:
-        """Let the writer go on: whoever has stopped it has not said why, and the run ends now."""
+        """Resume the writer if it was suspended, since the run ends now."""
         with contextlib.suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGCONT)
 
     def _pushed(self) -> bool:
-        """Pass on what is held; return whether nothing is left of it."""
+        """Pass on as much of the held data as the pipe takes; return whether all were passed on."""
         try:
             self._sink.flush()
         except BlockingIOError:
@@ -182,7 +182,7 @@ class WriterPipe:
         return True
 
     def _end(self, last: bytes, until_s: float) -> None:
-        """Send a last frame; wait for that, even where the run does not wait otherwise."""
+        """Send a last frame; wait for that, even if the run does not wait otherwise."""
         self._waits = False
         os.set_blocking(self._sink.fileno(), False)
         sent = self._drained(until_s) and self.send(last) and self._drained(until_s)
@@ -190,7 +190,7 @@ class WriterPipe:
             self.failure = f"its writer, process {self.pid}, did not take its end within {CLOSE_S:g} s"
 
     def _drained(self, until_s: float) -> bool:
-        """Pass on what is held, and wait for that; return whether nothing is left of it."""
+        """Pass on the held data, waiting until `until_s`; return whether all were passed on."""
         while not self._pushed():
             left_s = until_s - time.monotonic()
             if left_s <= 0.0:
@@ -199,7 +199,7 @@ class WriterPipe:
         return True
 
     def _gone(self) -> None:
-        """Learn why the writer has ended; it says so before it lets go of the pipe."""
+        """Read why the writer has ended; it reports that before it closes the pipe."""
         self.failure = _KILLED
         if self._process.stdout is None:
             return
@@ -214,7 +214,7 @@ class WriterPipe:
 
 
 def _resized(fd: int, capacity_bytes: int) -> int:
-    """Let a pipe hold so much; return what it does hold."""
+    """Set the capacity of a pipe; return the actual one."""
     with contextlib.suppress(OSError):
         fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, capacity_bytes)
     return fcntl.fcntl(fd, fcntl.F_GETPIPE_SZ)

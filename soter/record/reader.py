@@ -1,4 +1,4 @@
-"""Reads recordings: as a stream, whole or cut off, and as arrays for those who draw."""
+"""Reads recordings, whole or cut off: as a stream, and as arrays for drawing."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from soter.rta import SwitchRecord
 
 MAX_RECORD_BYTES: Final = 1 << 26
 MAX_ATTACHED_BYTES: Final = 1 << 27
-"""All attachments together."""
+"""Largest size of all attachments together."""
 
 _DAMAGE: Final = (McapError, ZstdError, struct.error, ValueError, TypeError, OverflowError, MemoryError)
-"""What readers of MCAP raise of a file that is none; texts that are no UTF-8 are ValueErrors."""
+"""The errors that readers of MCAP raise for a bad file; for texts that are not UTF-8 it is ValueError."""
 
 _DRAWN_TICKS: Final = 5
-"""A picture shows every so many ticks of a track."""
+"""Every how many ticks of a track are drawn in a picture."""
 
 _TICK: Final = messages.schema_name(RobotTick)
 _EVENTS: Final = {messages.schema_name(kind): msgspec.json.Decoder(kind) for kind in EVENTS}
@@ -45,19 +45,19 @@ M = TypeVar("M", bound=Struct)
 
 
 class BadRecording(ConfigError):
-    """A file that is no recording, or a damaged one. One that was merely cut off is read as far as it goes."""
+    """A file is no recording, or a damaged one. A recording that was only cut off is read as far as it goes."""
 
 
 class Recording:
-    """A recording in a file. What it was a recording of is read at once; the rest is streamed, any number of times.
+    """A recording in a file. The description of its run is read at once; the rest is streamed, any number of times.
 
     Attributes:
         about: the run, its robots and their modules.
         attachments: the mission file, the workspace file and others, by name, as far as they were read.
-        proof: what its digest says of it; None while it is being written.
+        proof: the result of checking its digest; None while it is being written.
 
     Raises:
-        BadRecording: it is none, was changed after it was written, or was cut off before anything was said.
+        BadRecording: the file is no recording, was changed after it was written, or ends before the description.
     """
 
     def __init__(self, path: Path) -> None:
@@ -99,16 +99,16 @@ class Recording:
         """Yield every message of SOTER's own, in order, each with the host's time of day in nanoseconds.
 
         Raises:
-            BadRecording: something in it is damaged, or is not what it ought to be.
+            BadRecording: a part of the file is damaged or invalid.
         """
         for host_ns, message in self._messages():
             if not isinstance(message, RecordedWay):
                 yield host_ns, message
 
     def ticks(self) -> Iterator[RecordedTick]:
-        """Yield every tick of which all robots are there; the last of a file that was cut off may not be.
+        """Yield every tick that has all robots; the last one of a file that was cut off may lack some, and is left out.
 
-        What was said after the last tick comes with a tick without robots.
+        Events after the last tick come with a tick without robots.
 
         Raises:
             BadRecording: see `messages`.
@@ -137,7 +137,7 @@ class Recording:
             yield RecordedTick(last.tick, last.time_s, last.host_ns, {}, tuple(events), tuple(ways))
 
     def _check_names(self, message: RobotTick | Event) -> None:
-        """Refuse a message of a robot, or of a module, that did not take part."""
+        """Raise an error if a message names a robot or a module that did not take part."""
         robot_ids = self._robot_ids
         drivers: tuple[str, ...] = ()
         if isinstance(message, RobotTick):
@@ -150,7 +150,7 @@ class Recording:
         elif isinstance(message, messages.SwitchEvent):
             drivers = (message.before, message.after)
         elif isinstance(message, messages.TargetEvent):
-            # The process that has the task planner records what that gives to the robots of others.
+            # The process with the task planner also records the targets of other processes' robots.
             robot_ids = self._all_ids
             if not message.outcome and UNSET in (message.x_m, message.y_m):
                 raise BadRecording(f"{self.path}: a target that begins at {message.time_s:.3f} s has no place")
@@ -171,7 +171,7 @@ class Recording:
 
     @property
     def result(self) -> Result | None:
-        """What readers take from it, likewise."""
+        """The parts of the result that readers use; None if the run did not come to an end."""
         data = self.result_json
         return None if data is None else self._decoded(data, Result, RESULT_JSON)
 
@@ -179,8 +179,8 @@ class Recording:
         """Return the workspace of the run, with the robots that took part, those of other processes too.
 
         Raises:
-            BadRecording: it is not in the recording, or is of other robots.
-            ConfigError: it is there, but not allowed.
+            BadRecording: the recording lacks the workspace, or it has other robots.
+            ConfigError: the workspace is not allowed.
         """
         workspace = self._read_workspace().with_robots(len(self._all_ids))
         if self._all_ids != {place.id for place in workspace.robots}:
@@ -200,11 +200,11 @@ class Recording:
         data = self.attachments.get(WORKSPACE_XML)
         if data is None:
             raise BadRecording(f"{self.path}: it lacks the workspace file")
-        # What was allowed then is not judged again: the mission may have had other distances.
+        # The distances are not checked again: the mission may have had other ones.
         return parse_workspace(data, f"{self.path}: {WORKSPACE_XML}", phi_safer_m=-1.0, spacing_m=0.0)
 
     def content(self, every_ticks: int = 1) -> Content:
-        """Return everything; of the ticks only every so many, but all events.
+        """Return all events, and the series of every `every_ticks`-th tick.
 
         Raises:
             BadRecording: see `messages`.
@@ -215,7 +215,7 @@ class Recording:
         return content
 
     def tracks(self) -> RunTracks:
-        """Return what a picture of the run is drawn from."""
+        """Return the tracks from which a picture of the run is drawn."""
         content = self.content(_DRAWN_TICKS)
         switches = [
             SwitchRecord(
@@ -246,7 +246,7 @@ class Recording:
         return opened(self.path)
 
     def _messages(self) -> Iterator[tuple[int, RobotTick | Event | RecordedWay]]:
-        """Yield every message of SOTER's own, and what ACs meant to drive, which stands in messages for the eye."""
+        """Yield every message of SOTER's own, and the ways of ACs, which are recorded as messages for viewers."""
         names: dict[int, str] = {}
         robots: dict[int, int] = {}
         kinds: dict[int, msgspec.json.Decoder[Any]] = {}
@@ -272,7 +272,7 @@ class Recording:
                     robots[record.id] = way_topics[record.topic]
 
     def _records(self, *, head_only: bool = False) -> Iterator[Any]:
-        """Yield the records of the file as far as it goes; with `head_only` up to the first chunk."""
+        """Yield the records of the file as far as they go; with `head_only` up to the first chunk."""
         try:
             with self._open() as stream:
                 reader = StreamReader(
@@ -312,7 +312,7 @@ class Recording:
                 raise BadRecording(f"{self.path}: a part of it is damaged: {failure}") from failure
             except _DAMAGE as failure:
                 if begun and isinstance(failure, struct.error) and not stream.read(1):
-                    # Cut off within the mark at the end, which the reader takes for damage.
+                    # The file was cut off within the mark at its end, which the reader takes for damage.
                     self._truncated = True
                     return
                 raise BadRecording(

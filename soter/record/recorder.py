@@ -1,7 +1,7 @@
-"""The run's side of a recording: one object that is told of everything and passes it on, a frame at every tick.
+"""The run's side of a recording: one object that collects all events and passes on a frame at every tick.
 
-It must not slow the decision path: at a tick it copies some numbers and writes them into a pipe. Everything else is
-the business of another process.
+It must not slow the decision path: at a tick it copies some numbers and writes them into a pipe. Another process does
+the rest.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ from soter.sdk import Controller, Fleet, RobotState
 logger = logging.getLogger(__name__)
 
 TOGETHER: Final = 8
-"""Ticks that cross to the writer at once in virtual time, where they follow each other so fast that one call of the
-system for each would cost more than all the rest. On a wall clock every tick crosses at once."""
+"""Ticks that are sent to the writer together in virtual time, where one system call for each would cost more than all
+the rest. On a wall clock every tick is sent at once."""
 
 TOGETHER_NS: Final = 20_000_000
-"""Host time for which the first of them may be held back. A tick is held back only if the next one, should it take as
-long as this one did, comes within it: where ticks are slow, every tick crosses at once, too."""
+"""Host time for which the first of them may be held back. A tick is held back only if the next one, if it takes as
+long as this one did, comes within this time: slow ticks are sent at once, too."""
 
 LATE_S: Final = 60.0
-"""Fleet time by which what a mission tells of may differ from that of the tick at which it is recorded."""
+"""Most that the fleet time of a mission's event may differ from that of the tick at which it is recorded."""
 
 MOST_CHANGES: Final = 1000
-"""Changes of machines that are recorded of one tick: what a mission does must not be too much for the file."""
+"""Most changes of machines that are recorded in one tick, so that a mission cannot flood the file."""
 
 _INDEX: Final = {kind: index for index, kind in enumerate(EVENTS)}
 
 
 class TargetLog(Protocol):
-    """What is told of robots' targets. Statistics: nothing that is safe depends on it."""
+    """Receives the robots' targets, for statistics; safety does not depend on it."""
 
     def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
         """A robot has been given a target."""
@@ -57,14 +57,14 @@ class TargetLog(Protocol):
 
 
 class RecordingReport(NamedTuple):
-    """How a recording went.
+    """The result of recording a run.
 
     Attributes:
         path: the file.
-        failure: why it is not complete; empty if it is.
+        failure: why the recording is not complete; empty if it is.
         dropped_ticks: how many ticks are missing in it.
-        size_bytes: of the file.
-        refused: messages of the mission's that are not in it, because of their times or because there were too many.
+        size_bytes: the file's size.
+        refused: number of the mission's messages that were left out, for impossible times or being too many.
     """
 
     path: Path
@@ -77,21 +77,21 @@ class RecordingReport(NamedTuple):
 class Recorder:
     """Records one run. A `Watch` of every supervisor, and a `TargetLog`; a context manager that closes the file.
 
-    Used from the supervisor's thread. Nothing that it does raises once it has begun: a run does not end because its
-    disk is full.
+    Used from the supervisor's thread. No method raises once recording has begun: a run must not end because its disk is
+    full.
 
     Args:
-        path: the file; what was in it is replaced when the recording is complete.
-        waits: whether the run waits when the writer does not follow, as it may in virtual time.
-        sign: the private key that it is signed with, or None.
-        stop: whether the run is to end.
+        path: the file; an existing one is replaced when the recording is complete.
+        waits: whether the run waits if the writer does not keep up, as it may in virtual time.
+        sign: the private key to sign the recording with, or None.
+        stop: returns whether the run is to end.
     """
 
     def __init__(
         self, path: Path, *, waits: bool, sign: Path | None = None, stop: Callable[[], bool] = lambda: False
     ) -> None:
         self.path: Final = path
-        # Foreign code may change the folder that this runs in.
+        # Foreign code may change the working directory.
         self._file: Final = path.absolute()
         self._stop: Final = stop
         self._sign: Final = sign
@@ -121,29 +121,29 @@ class Recorder:
 
     @property
     def writing(self) -> Path:
-        """The file that is written, which takes the place of another one at the end."""
+        """The file that is written; at the end it replaces an existing one."""
         return self.path if self._pipe is None else self._pipe.writing
 
     # --- before the first tick -------------------------------------------------------------------------------
 
     def tap(self, robot_id: int, actuator: GoalActuator) -> Tap:
-        """Return what a supervisor is to use in place of a robot's actuator."""
+        """Return a tap for a supervisor to use in place of a robot's actuator."""
         tap = self._taps[robot_id] = Tap(robot_id, actuator, self._note)
         return tap
 
     def tap_peer(self, peer: RemotePeer, robot_ids: Sequence[int]) -> PeerTap:
-        """Return what a supervisor of these robots is to use in place of a robot of another process."""
+        """Return a tap for the supervisor of these robots to use in place of a peer of another process."""
         tap = PeerTap(peer, robot_ids)
         self._peers.append(tap)
         return tap
 
     def begin(self, setup: Setup, fleet: Fleet, log: TargetLog, stalls: Callable[[], Sequence[Stall]] = tuple) -> None:
-        """Start the writer and say what is to be run; call it once, before the first tick.
+        """Start the writer and record what is to be run; call this once, before the first tick.
 
         Args:
-            setup: what that is.
-            fleet: its robots, with the truth of a simulated world and the faults that are injected.
-            log: told of everything that this one is told of targets.
+            setup: the run.
+            fleet: its robots, with the truth of a simulated world and the injected faults.
+            log: called with all events of targets, too.
             stalls: returns the stalls up to now.
 
         Raises:
@@ -166,10 +166,10 @@ class Recorder:
         self._pipe.wait_ready()
         self._say(self._pipe.failure, "; the run goes on")
 
-    # --- told by others --------------------------------------------------------------------------------------
+    # --- called by others ------------------------------------------------------------------------------------
 
     def on_switch(self, record: SwitchRecord, robot: RobotSupervisor) -> None:
-        """Record a change of hands."""
+        """Record a change of control."""
         self._note(switch_of(record))
 
     def on_target(self, robot_id: int, target_id: int, place: tuple[float, float]) -> None:
@@ -185,7 +185,7 @@ class Recorder:
             self._log.on_ended(robot_id, target_id, outcome)
 
     def on_transition(self, transition: TransitionEvent) -> None:
-        """Record a change of state of one of the mission's machines; when it was, is judged at the tick."""
+        """Record a transition of one of the mission's machines; its time is checked at the tick."""
         self._changes += 1
         if self._changes <= MOST_CHANGES:
             self._note(transition)
@@ -196,7 +196,7 @@ class Recorder:
         self._refused += 1
 
     def tick(self, now_s: float, tick: int) -> None:
-        """Record one tick; call it when everything that belongs to it has happened."""
+        """Record one tick; call this when all events of the tick have happened."""
         self._now_s, self._changes = now_s, 0
         pipe = self._pipe
         if pipe is None or pipe.failure:
@@ -225,17 +225,17 @@ class Recorder:
             self._dropped += 1
 
     def finish(self, result_json: bytes) -> None:
-        """Add the result of a run that has come to an end, by itself or not."""
+        """Add the result of a run that has ended, by itself or because it was stopped."""
         self._look(self._now_s)
         self._last = self._packed_end(result_json)
 
     def close(self) -> RecordingReport:
-        """Close the file; return how it went. Idempotent. On a wall clock, stop the robots first: it takes its time."""
+        """Close the file; return the report. Idempotent. On a wall clock, stop the robots first: closing takes time."""
         if self._report is None:
-            # A run that did not come to an end has no result, but what happened in its last tick.
+            # Without a result, send at least the events since the last tick.
             last = self._packed_ticks() + (self._last or self._packed_end(b""))
             outcome = wire.WriterOutcome() if self._pipe is None else self._pipe.close(last)
-            # A writer that was killed, or had failed before, does not say it.
+            # A writer that was killed, or had failed before, does not report the size.
             size_bytes = outcome.size_bytes or _size(self.writing)
             self._report = RecordingReport(self.path, outcome.failure, self._dropped, size_bytes, self._refused)
             self._say(outcome.failure, "")
@@ -251,7 +251,7 @@ class Recorder:
         self._events.append((wire.WAY if isinstance(event, RecordedWay) else _INDEX[type(event)], event))
 
     def _note_target(self, event: TargetEvent) -> None:
-        """Record what a mission tells of a target, but not what no file could give back: that would spoil all of it."""
+        """Record a mission's event of a target, unless no reader could decode it: that would spoil the whole file."""
         try:
             msgspec.json.decode(msgspec.json.encode(event), type=TargetEvent)
         except (msgspec.MsgspecError, ValueError, TypeError, OverflowError):
@@ -265,7 +265,7 @@ class Recorder:
             self._note(DropEvent(self._now_s, first, lost))
 
     def _refuse_times(self, now_s: float) -> None:
-        """Leave out what the mission says of other times than these: no file holds them, and every axis would."""
+        """Leave out the mission's events at impossible times: files cannot hold them, and plots would scale to them."""
         events = self._events
         kept = [each for each in events if not isinstance(each[1], TransitionEvent) or _near(each[1].time_s, now_s)]
         if len(kept) < len(events):
@@ -282,7 +282,7 @@ class Recorder:
         return frame
 
     def _packed_ticks(self) -> bytes:
-        """Return the ticks that have not crossed yet, as a frame; nothing if there are none."""
+        """Return the ticks that were not sent yet, as a frame; empty if there are none."""
         if not self._ticks:
             return b""
         frame = wire.packed(wire.Ticks(self._ticks))
@@ -309,7 +309,7 @@ class Recorder:
 
 
 def _near(time_s: object, now_s: float) -> bool:
-    # Compared, not subtracted: a whole number may be too large for a float.
+    # Compared, not subtracted: an int may be too large for a float.
     return isinstance(time_s, int | float) and now_s - LATE_S <= time_s <= now_s + LATE_S
 
 

@@ -1,4 +1,4 @@
-"""What a run has as recordings have it: samples, and back; changes of hands; changes of state of machines."""
+"""Converts samples to their recorded form and back, and changes of control and transitions to theirs."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def state_of(sample: RobotState) -> StateMessage:
 
 
 def sample_of(state: StateMessage, robot_id: int) -> RobotState:
-    """Return a recorded state as the sample that it was.
+    """Return the sample that was recorded as a state.
 
     Raises:
-        ValueError: it names a link or a controller that there is not.
+        ValueError: the state names an unknown link or controller.
     """
     if state.link not in _LINKS or state.controller not in _CONTROLLERS:
         raise ValueError(f"no sample has the link '{state.link}' and the controller '{state.controller}'")
@@ -59,7 +59,7 @@ def in_words(transition: Transition) -> TransitionEvent:
 
 
 def switch_of(record: SwitchRecord) -> SwitchEvent:
-    """Return a change of hands as it is recorded."""
+    """Return a change of control as it is recorded."""
     return SwitchEvent(
         record.time_s, record.robot_id, record.before or AC, record.after or AC, record.module, record.cause,
         record.joined,

@@ -1,4 +1,4 @@
-"""Signatures of recordings, by Ed25519. Nothing of it is imported before somebody asks for one."""
+"""Signatures of recordings, by Ed25519. The library is imported only when a signature is needed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def read_private_key(path: Path, option: str) -> Ed25519PrivateKey:
     """Read a private key in PEM, without a passphrase, as `openssl genpkey -algorithm ed25519` makes one.
 
     Raises:
-        ConfigError: it is none; names the option.
+        ConfigError: the file is no such key; names the option.
         BackendUnavailable: the library is not installed.
     """
     _require()
@@ -31,10 +31,10 @@ def read_private_key(path: Path, option: str) -> Ed25519PrivateKey:
 
 
 def read_public_key(path: Path, option: str) -> str:
-    """Read a public key in PEM; return it as recordings have it.
+    """Read a public key in PEM; return it as hexadecimal digits, as recordings have it.
 
     Raises:
-        ConfigError: it is none; names the option.
+        ConfigError: the file is no such key; names the option.
         BackendUnavailable: the library is not installed.
     """
     _require()
@@ -48,7 +48,7 @@ def read_public_key(path: Path, option: str) -> str:
 
 
 def is_signature(key: str, signature: bytes, signed: bytes) -> bool:
-    """Return whether a signature is that of a public key, as recordings have it.
+    """Return whether a signature was made by a public key, given as recordings have it.
 
     Raises:
         BackendUnavailable: the library is not installed.
@@ -65,7 +65,7 @@ def is_signature(key: str, signature: bytes, signed: bytes) -> bool:
 
 
 def _loaded(path: Path, option: str, load: Callable[[bytes], object]) -> object:
-    """Return what is in a file, or None where that is nothing that the library knows."""
+    """Return the key in a file, or None if the library does not recognise it."""
     from cryptography.exceptions import UnsupportedAlgorithm
 
     try:

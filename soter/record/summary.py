@@ -1,4 +1,4 @@
-"""What a recording holds, in figures."""
+"""Summarises a recording in figures."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from soter.rta import Breach, Worst
 
 @dataclass(frozen=True, slots=True)
 class AssumptionFailure:
-    """An assumption of the safety argument that was seen not to hold for one robot.
+    """An assumption of the safety argument that failed for one robot.
 
     Attributes:
-        robot_id: which robot.
+        robot_id: the robot.
         assumption: its number.
-        times: looks at which it did not hold.
+        times: number of looks at which it failed.
         first_s: fleet time of the first.
-        last_s: fleet time of the last; None where the recording does not say it.
-        cause: what was seen at the first.
+        last_s: fleet time of the last; None if the recording does not say.
+        cause: the observation at the first.
         worst: the worst look for each unit of an excess: excess, unit, fleet time and cause.
     """
 
@@ -45,35 +45,35 @@ class Summary:
     """A recording in figures.
 
     Attributes:
-        file: its path.
-        size_bytes: of the file.
-        truncated: it was not closed; everything up to its last whole chunk is there.
+        file: the file's path.
+        size_bytes: the file's size.
+        truncated: whether it was not closed; everything up to its last whole chunk is there.
         mission: the mission file.
         backend: name of the backend.
-        seed: of the mission.
-        started_utc: when, in ISO 8601.
+        seed: the mission's seed.
+        started_utc: when the run started, in ISO 8601.
         virtual_time: whether time stood still while nobody slept.
         duration_s: fleet time from the first recorded tick to the end of the last one.
-        ticks: recorded.
-        dropped_ticks: missing within, because the writer did not follow.
-        robots: ids.
-        modules: their names.
-        ac_share: part of the robots' time in which their AC was in control.
-        disengagements: by the module that fired first.
-        switches: of any kind.
-        goals: sent, by who sent them.
-        targets: ended, by outcome.
-        transitions: of the mission's machines.
-        faults: what injected faults had spoilt at the end, by kind.
-        violations: by rule, as ground truth saw them.
-        unknown: what is not known of violations, in words; empty where ground truth judged the run to its end.
-        assumptions: those that were seen not to hold.
+        ticks: number of recorded ticks.
+        dropped_ticks: number of missing ticks, because the writer did not keep up.
+        robots: ids of the robots.
+        modules: names of the modules.
+        ac_share: part of the robots' time in which their AC was active.
+        disengagements: number by the module that fired first.
+        switches: number of switches of any kind.
+        goals: number of goals sent, by controller.
+        targets: number of ended targets, by outcome.
+        transitions: number of transitions of the mission's machines.
+        faults: number of commands and samples spoilt by injected faults, by kind.
+        violations: number by rule, by ground truth.
+        unknown: why the violations are not fully known; empty if ground truth judged the run to its end.
+        assumptions: the assumptions that failed.
         stalls: robots that were without their AC for long, and not charging.
-        never_moved: robots that never moved, as the result has it.
-        accepted_unproved: what was run although it is not proved.
-        status: how the run ended; None if it did not get to say so.
-        versions: of SOTER and what it stands on.
-        digest: whether it is proved to be what was written, in words.
+        never_moved: robots that never moved, by the result.
+        accepted_unproved: what the user accepted without proof.
+        status: how the run ended; None if the recording does not say.
+        versions: the versions of SOTER and its dependencies.
+        digest: the result of checking the digest, in words.
     """
 
     file: str
@@ -151,7 +151,7 @@ def _counted(names: Any) -> dict[str, int]:
 
 
 def _in_all(spells: Iterable[messages.BreachEvent]) -> list[AssumptionFailure]:
-    """Return the spells of each robot and assumption as one."""
+    """Return the spells of each robot and assumption as one failure."""
     joined: dict[tuple[int, str], Breach] = {}
     for each in spells:
         key = (each.robot_id, each.assumption)
@@ -165,7 +165,7 @@ def _in_all(spells: Iterable[messages.BreachEvent]) -> list[AssumptionFailure]:
 
 
 def _in_result(result: Result) -> list[AssumptionFailure]:
-    """Return what the result says, for recordings that do not have the spells."""
+    """Return the failures in a result, for recordings without spells."""
     return [
         AssumptionFailure(robot, assumption, each.times, each.first_s, None, each.cause)
         for robot, failed in result.assumptions.items()
@@ -174,7 +174,7 @@ def _in_result(result: Result) -> list[AssumptionFailure]:
 
 
 def _violations(seen: list[messages.ViolationEvent], result: Result | None) -> dict[str, int]:
-    """Return the result's counts, which know every rule; without a result what was seen until then."""
+    """Return the result's counts, which have every rule; without a result, count the recorded violations."""
     counted = None if result is None else result.violations
     return _counted(each.rule for each in seen) if counted is None else dict(counted)
 

@@ -1,4 +1,4 @@
-"""Writes down what passes between a supervisor and its robots, its own and others', and changes none of it."""
+"""Records all that passes between a supervisor and robots, its own and others', without changing it."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from soter.sdk import Controller, Goal, GoalStatus, RobotState
 from soter.sdk.values import MAX_COORDINATE_M
 
 LONGEST_WAY: Final = 100
-"""Places of an AC's way that are recorded; it is untrusted, and may be of any length."""
+"""Most places of an AC's way that are recorded: ACs are untrusted, and their ways may be of any length."""
 
 
 class GoalActuator(Actuator, Protocol):
-    """An actuator that tells which goal it has sent."""
+    """An actuator that also returns the goal that it has sent."""
 
     @property
     def goal(self) -> Goal | None:
-        """The goal that was asked for last; None once it has ended."""
+        """The latest goal; None once it has ended."""
 
 
 class Tap:
-    """An `Actuator` in front of a robot's own.
+    """An `Actuator` that records all calls and passes them on to a robot's own.
 
     Attributes:
         unread: whether there was no sample at this tick.
-        no_state: why there was none.
-        refused: calls that failed at this tick, and the failures.
-        ac_drove: whether a command of the AC has passed at this tick.
+        no_state: why there was no sample.
+        refused: calls that failed at this tick, and the errors.
+        ac_drove: whether a command of the AC was passed on at this tick.
     """
 
     __slots__ = ("_goal", "_inner", "_note", "_now_s", "_robot_id", "ac_drove", "no_state", "refused", "unread")
@@ -57,7 +57,7 @@ class Tap:
         except BaseException as failure:
             self.unread, self.no_state = True, account_of(failure, str)
             raise
-        # Goals begin elsewhere; looked at here at every tick, they only end.
+        # Goals begin in other calls; here, at every tick, they can only end.
         goal = self._goal
         if goal is not None and goal.status is not GoalStatus.ACTIVE:
             self._look()
@@ -94,7 +94,7 @@ class Tap:
             raise
 
     def _look(self, command: Any = None) -> None:
-        """Note that a goal has begun or ended."""
+        """Record a goal that has begun or ended."""
         before, goal = self._goal, self._inner.goal
         if before is not None and before.status is not GoalStatus.ACTIVE:
             self._goal = None
@@ -103,7 +103,7 @@ class Tap:
         if goal is None or goal is before or goal is self._goal:
             return
         self._goal = goal
-        # What is not active any more has not been acted upon: its end is all there is to say.
+        # A goal that is no longer active was never acted upon: only its end is recorded.
         if goal.status is GoalStatus.ACTIVE:
             self._note(self._message(goal))
             if isinstance(command, Request):
@@ -136,7 +136,7 @@ class Tap:
 
 
 class PeerTap:
-    """A `RemotePeer` in front of another one. What it says at a tick is settled when it is asked for a sample."""
+    """A `RemotePeer` that records another one. Its answers at a tick are fixed when `sample` is called."""
 
     def __init__(self, inner: RemotePeer, robot_ids: Sequence[int]) -> None:
         self.robot_id = inner.robot_id
@@ -164,7 +164,7 @@ class PeerTap:
         return self._found
 
     def message(self, now_s: float) -> PeerEvent:
-        """Return what was said at the tick at `now_s`."""
+        """Return the peer's answers at the tick at `now_s`, as an event."""
         sample, found = self._sample, self._found
         assert sample is None or isinstance(sample, RobotState)
         return PeerEvent(

@@ -1,4 +1,4 @@
-"""Where the robots of a run were, and who was in control: what a picture of a run is drawn from."""
+"""Places and active controllers of a run's robots over time, from which a picture of the run is drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from soter.rta import SwitchRecord
 
 @dataclass(slots=True)
 class Track:
-    """One robot's way, sampled every so often. The arrays are equally long.
+    """One robot's way as samples. The arrays are equally long.
 
     Attributes:
         time_s: fleet time.
@@ -40,12 +40,12 @@ class Track:
 
 @dataclass(slots=True)
 class RunTracks:
-    """All robots' ways in one run.
+    """The ways of all robots in one run.
 
     Attributes:
         workspace: fence, boxes, chargers.
         drivers: "AC" and the names of the safety modules.
-        tracks: by robot id.
+        tracks: each robot's way, by id.
         switches: every change of control, in order.
         safer_inset_m: how far inside the fence phi_safer of the geofence begins; None without that module.
     """

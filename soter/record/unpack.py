@@ -1,4 +1,4 @@
-"""Chunks of a recording, taken apart within limits: a file says itself how much it unpacks to, and is anybody's."""
+"""Unpacks the chunks of a recording within limits: files are untrusted, and state their unpacked sizes themselves."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import CRCValidationError
 
 MAX_CHUNK_BYTES: Final = 1 << 26
-"""No chunk unpacks to more; a writer closes its chunks at a megabyte."""
+"""Most that a chunk may unpack to; SOTER's writer closes its chunks at a megabyte."""
 
 MAX_RATIO: Final = 100
-"""All chunks together unpack to so many times what was read, beside the first `MAX_CHUNK_BYTES`: what a run says is
-about a tenth in its file."""
+"""Most that all chunks together may unpack to, as a multiple of the bytes read, beyond the first `MAX_CHUNK_BYTES`.
+Runs are packed to about a tenth."""
 
 
 class Unpacker:
-    """Takes the chunks of one file apart."""
+    """Unpacks the chunks of one file."""
 
     def __init__(self) -> None:
         self._unpacked_bytes = 0
@@ -31,11 +31,11 @@ class Unpacker:
         """Yield the records of a chunk.
 
         Args:
-            chunk: packed.
-            read_bytes: how much of the file was read up to its end.
+            chunk: the packed chunk.
+            read_bytes: how much of the file was read up to the chunk's end.
 
         Raises:
-            ValueError: it is damaged, or unpacks to too much; other exceptions of mcap and zstandard likewise.
+            ValueError: it is damaged, or unpacks to too much; mcap and zstandard raise other exceptions as well.
         """
         data = self._unpacked(chunk, read_bytes)
         if chunk.uncompressed_crc != 0 and (found := crc32(data)) != chunk.uncompressed_crc:
@@ -66,7 +66,7 @@ class Unpacker:
         if chunk.compression == "":
             data = chunk.data
         elif chunk.compression == "zstd":
-            # Read up to the size that was checked, and not to what the packed data themselves say.
+            # Read up to the checked size, and not to the one that the packed data state.
             with zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES).stream_reader(chunk.data) as reader:
                 data = reader.read(size + 1)
         else:

@@ -1,6 +1,6 @@
-"""What crosses from a run to the process that writes its recording: frames of MessagePack, each after its length.
+"""The frames from a run to the process that writes its recording: MessagePack, each with its length in front.
 
-Arrays without names: every tick of a run crosses, and costs its time.
+They are arrays without names, since every tick of a run is sent, which costs the run's time.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ class RobotRow(Struct, array_like=True, gc=False):
     """One robot at one tick.
 
     Attributes:
-        state: its sample.
+        state: the robot's sample.
         driver: index of the module that drives, or -1 for the AC.
-        in_sc: who has control: whether it is the SC.
+        in_sc: whether the SC is active.
         modules_in_sc: bit i is set while module i is in SC.
         numbers: margin and reach bound of every module, in their order.
         unread: whether there was no sample.
-        no_state: why there was none.
-        refused: calls that failed, and the failures.
+        no_state: why there was no sample.
+        refused: calls that failed, and the errors.
         ac_drove: whether the AC's port passed on a command.
         ac_failure: why the AC will never get control again.
     """
@@ -56,11 +56,11 @@ class FirstFrame(Struct, array_like=True, tag=0):
     Attributes:
         about: `About` as JSON.
         files: attachments by name.
-        workspace: for the scene, if it is a rectangle.
-        site: for the scene, if it is made of polygons.
-        radii_m: bodies, by robot id.
-        robots: ids, in the order of the rows.
-        modules: names, by robot id.
+        workspace: the workspace for the scene, if it is a rectangle.
+        site: the workspace for the scene, if it is made of polygons.
+        radii_m: body radii, by robot id.
+        robots: robot ids, in the order of the rows.
+        modules: names of the modules, by robot id.
     """
 
     about: bytes
@@ -76,11 +76,11 @@ class TickFrame(Struct, array_like=True, gc=False):
     """One tick.
 
     Attributes:
-        tick: its number.
+        tick: number of the tick.
         time_s: fleet time.
         host_ns: the host's time of day.
         rows: the robots, in their order.
-        events: what happened since the tick before: index into `messages.EVENTS`, or `WAY`, and the message.
+        events: the events since the tick before: index into `messages.EVENTS`, or `WAY`, and the message.
     """
 
     tick: int
@@ -102,7 +102,7 @@ class Finish(Struct, array_like=True, tag=2):
     Attributes:
         time_s: fleet time.
         result: the result as JSON; empty if the run did not come to an end.
-        events: what happened since the last tick, as there.
+        events: the events since the last tick, in the same form.
     """
 
     time_s: float
@@ -116,17 +116,17 @@ WAY: Final = -1
 """Index of a `RecordedWay` among the events."""
 
 PendingEvent = tuple[int, Event | RecordedWay]
-"""An event that is not encoded yet; an encoded frame does not differ by that."""
+"""An event that is not encoded yet; it is encoded with its frame."""
 
 
 class Task(Struct):
-    """How to write.
+    """How to write a recording.
 
     Attributes:
-        nice: whether the run does not wait for the writer, and is not to be held up by it.
+        nice: whether the run does not wait for the writer, which must not slow it.
         part: the file that is written.
-        target: the file that it replaces when it is complete; None for none.
-        sign: the private key to sign it with; None for none.
+        target: the file to replace with it when it is complete; None if there is none.
+        sign: the private key to sign it with; None to leave it unsigned.
     """
 
     nice: bool
@@ -136,7 +136,7 @@ class Task(Struct):
 
 
 class WriterOutcome(Struct):
-    """How the writing went; its failure says why the recording is not complete."""
+    """The result of writing; `failure` says why the recording is not complete."""
 
     failure: str = ""
     size_bytes: int = 0
@@ -146,7 +146,7 @@ _MOST: Final = (1 << 63) - 1
 
 
 def _as_plain(value: object) -> object:
-    """Return a value of a foreign type as one of our own: adapters have numbers of numpy's."""
+    """Return a value of a foreign type as a plain one: adapters may use numpy's numbers."""
     if isinstance(value, Integral):
         return int(value)
     return float(value) if isinstance(value, Real) else repr(value)
@@ -157,7 +157,7 @@ _decode: Final = msgspec.msgpack.Decoder(Frame).decode
 
 
 def packed(frame: Any) -> bytes:
-    """Return a frame as it is sent. It can be sent whatever stands in it: some of it comes from untrusted code."""
+    """Return a frame as bytes, whatever values it holds: some of them come from untrusted code."""
     try:
         data = _encode(frame)
     except (UnicodeEncodeError, OverflowError):
@@ -183,13 +183,13 @@ def tamed(value: Any) -> Any:
 
 
 class FrameReader:
-    """Puts together the frames that arrive in pieces."""
+    """Puts frames together that arrive in pieces."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
     def take(self, data: bytes) -> Iterator[Frame]:
-        """Add what has arrived; return every frame that is complete."""
+        """Add received data; yield every complete frame."""
         buffer = self._buffer
         buffer += data
         at, end = 0, len(buffer)

@@ -1,7 +1,7 @@
 """The process that writes a recording: takes frames from a run and turns them into messages.
 
-It has a session of its own and leaves signals alone, so that it outlives the run by what is still to be written,
-however the run ends. It ends when the run's end of the pipe is closed.
+The process has a session of its own and ignores signals, so that it can write the remaining data, however the run ends.
+It ends when the run closes its end of the pipe.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from soter.record.messages import AC, SC
 from soter.record.samples import state_of
 
 CHUNK_S: Final = 0.5
-"""Host time after which a chunk is closed at the latest; what is in it is lost when this process is killed."""
+"""Longest host time until a chunk is closed; an open chunk is lost if this process is killed."""
 
 BUSY_CHUNK_S: Final = 0.2
-"""The same in virtual time: there is so much to write that this process may be late with it."""
+"""The same in virtual time: less, since this process may be late with so much to write."""
 
 LOOK_S: Final = 0.02
-"""How often the pipe is emptied. It is not waited on: being woken up at every tick would cost the run a system call
-that takes long."""
+"""How often the pipe is emptied. This process does not wait on the pipe: to wake it up at every tick would cost the
+run a slow system call."""
 
 PICTURE_S: Final = 0.1
-"""Fleet time between two sets of frames for the eye."""
+"""Fleet time between two sets of frames for viewers."""
 
 READY: Final = b"\n"
-"""Said when it stands in the file what is run."""
+"""Sent to the run when the description of the run is in the file."""
 
 NICENESS: Final = 5
 _READ_BYTES: Final = 1 << 20
@@ -53,7 +53,7 @@ class Scribe:
     """Turns frames into messages.
 
     Attributes:
-        complete: whether the run has come to its end, by itself or not.
+        complete: whether the run has sent its last frame.
     """
 
     def __init__(self, file: RecordingFile) -> None:
@@ -68,7 +68,7 @@ class Scribe:
         self.complete = False
 
     def take(self, frame: wire.Frame) -> None:
-        """Write what a frame says."""
+        """Write the messages of a frame."""
         if isinstance(frame, wire.FirstFrame):
             self._start(frame)
         elif isinstance(frame, wire.Ticks):
@@ -150,7 +150,7 @@ class Scribe:
             self._file.write(foxglove.LOG_TOPIC, log, time_ns, self._host_ns)
 
     def _is_told(self, event: messages.Event) -> bool:
-        """Whether the log has said it: of a failed assumption, it tells the beginning of every spell."""
+        """Return whether an event was logged before: of a failed assumption, only the start of each spell is logged."""
         if not isinstance(event, messages.BreachEvent):
             return False
         key = (event.robot_id, event.assumption)
@@ -172,7 +172,7 @@ def _record(tick: wire.TickFrame, robot_id: int, row: wire.RobotRow, names: Sequ
 
 
 def _line(event: messages.Event) -> tuple[int, str, str] | None:
-    """Return what the log says of an event: level, who, text; None for what is too frequent for a log."""
+    """Return the log line of an event: level, source, text; None for events that are too frequent for a log."""
     if isinstance(event, messages.SwitchEvent):
         who = foxglove.robot_frame(event.robot_id)
         if event.after == AC:
@@ -202,15 +202,15 @@ def _line(event: messages.Event) -> tuple[int, str, str] | None:
 def record(
     source_fd: int, stream: IO[bytes], capacity_bytes: int, chunk_s: float, sign: Sign | None = None, key: bytes = b""
 ) -> bool:
-    """Write all that comes through a pipe, until its other end is closed; return whether the run came to its end.
+    """Write all frames from a pipe, until its other end is closed; return whether the run came to its end.
 
     Args:
         source_fd: the pipe.
         stream: the file.
-        capacity_bytes: what the pipe holds.
+        capacity_bytes: the pipe's capacity.
         chunk_s: host time after which a chunk is closed.
-        sign: returns a signature of the whole, or None for none.
-        key: the public key that it can be told by.
+        sign: returns a signature of the file's hash; None to leave it unsigned.
+        key: the public key that verifies the signature.
 
     Raises:
         OSError: the file cannot be written.
@@ -230,12 +230,12 @@ def record(
             for frame in intake.take(data):
                 scribe.take(frame)
                 if isinstance(frame, wire.FirstFrame):
-                    # A run that has been killed meanwhile needs its file closed all the same.
+                    # If the run was killed meanwhile, its file must be closed all the same.
                     with contextlib.suppress(BrokenPipeError):
                         os.write(sys.stdout.fileno(), READY)
                 flushed_s = _flushed(file, flushed_s, chunk_s)
         flushed_s = _flushed(file, flushed_s, chunk_s)
-        # A run that has filled much of the pipe in this time is about to wait for it.
+        # A run that has filled much of the pipe in this time is about to wait for the writer.
         if data is None or len(data) < capacity_bytes // 4:
             time.sleep(LOOK_S)
     file.finish()
@@ -243,7 +243,7 @@ def record(
 
 
 def _flushed(file: RecordingFile, flushed_s: float, chunk_s: float) -> float:
-    """Close the chunk if it is time to; return when that was done last."""
+    """Close the chunk if it is due; return when a chunk was last closed."""
     now_s = time.monotonic()
     if now_s - flushed_s < chunk_s:
         return flushed_s
@@ -252,7 +252,7 @@ def _flushed(file: RecordingFile, flushed_s: float, chunk_s: float) -> float:
 
 
 def _signing(path: str | None) -> tuple[Sign | None, bytes]:
-    """Return what signs, and the public key that this can be told by."""
+    """Return the function that signs, and the public key that verifies its signatures."""
     if path is None:
         return None, b""
     from soter.record.signing import read_private_key
@@ -262,7 +262,7 @@ def _signing(path: str | None) -> tuple[Sign | None, bytes]:
 
 
 def main() -> None:
-    """Record; arguments: the file's descriptor, the pipe's capacity, and a `Task`."""
+    """Write a recording; arguments: the file's descriptor, the pipe's capacity, and a `Task`."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     file_fd, capacity_bytes = int(sys.argv[1]), int(sys.argv[2])
@@ -284,9 +284,9 @@ def main() -> None:
         outcome.failure = repr(failure)
     with contextlib.suppress(OSError):
         outcome.size_bytes = os.fstat(file_fd).st_size
-    # Said before the pipe is closed: a run that cannot send any more can then learn why at once.
+    # Sent before the pipe is closed, so that a run that cannot send any more learns at once why.
     os.write(sys.stdout.fileno(), msgspec.json.encode(outcome))
-    # What a full disk has left in the stream's buffer cannot be written at exit either.
+    # If the disk is full, the rest of the stream's buffer cannot be written at exit either.
     os._exit(0)
 
 
