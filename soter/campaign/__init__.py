@@ -1,1 +1,1 @@
-"""Campaigns: many runs of missions, what came out of them, and what follows. Above the runner, which knows none."""
+"""Campaigns: many runs of missions, their results, and the judgement on them. The runner does not know of campaigns."""

@@ -1,4 +1,4 @@
-"""One run of a store, to be made again."""
+"""Finds one run of a store, to repeat it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from soter.errors import ConfigError
 
 
 def find(store: Store, name: str) -> RunRow:
-    """Return the run of an id, or of the beginning of one.
+    """Return the run whose id begins with `name`.
 
     Raises:
-        ConfigError: there is none, or more than one.
+        ConfigError: there is no such run, or more than one.
     """
     found = [each for each in sorted(store.ids()) if each.startswith(name)]
     if len(found) != 1:
@@ -26,7 +26,7 @@ def campaign_of(store: Store) -> Campaign:
     """Return the campaign of a store.
 
     Raises:
-        ConfigError: its file is gone or wrong.
+        ConfigError: the campaign's file is gone or wrong.
     """
     return load_campaign(Path(store.about()["path"]))
 
@@ -35,7 +35,7 @@ def job_of(store: Store, row: RunRow) -> Job:
     """Return the job of a run.
 
     Raises:
-        ConfigError: the store's campaign is gone, or something that its runs depend on has changed.
+        ConfigError: the store's campaign is gone, or one of the sources of its runs has changed.
     """
     campaign, sources = campaign_of(store), store.about()["sources"]
     if campaign.sources != sources:

@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster; TLS, finding workers, and what becomes of those that die, are Dask's business."""
+"""Workers of a Dask cluster; Dask handles TLS, and finds and restarts workers."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _TIMEOUT_S: Final = 10.0
 class ClusterWorkers:
     """The workers of a Dask scheduler; `soter.campaign.workers.Workers`.
 
-    They have the same SOTER, which is checked, and see the mission files under the same paths. Certificates are those
-    of Dask's own configuration, such as `DASK_DISTRIBUTED__COMM__TLS__CA_FILE`.
+    They must have the same SOTER, which is checked, and see the mission files under the same paths. Certificates are
+    those of Dask's own configuration, such as `DASK_DISTRIBUTED__COMM__TLS__CA_FILE`.
 
     Args:
-        address: of the scheduler, such as `tls://host:8786`.
+        address: the scheduler's address, such as `tls://host:8786`.
 
     Raises:
-        ConfigError: it would be spoken to without TLS over a network, or does not answer.
+        ConfigError: the scheduler is on a network and without TLS, or does not answer.
     """
 
     died: tuple[type[BaseException], ...] = (KilledWorker,)
@@ -33,14 +33,14 @@ class ClusterWorkers:
     def __init__(self, address: str) -> None:
         parts = urlsplit(address)
         if parts.scheme != "tls" and parts.hostname not in _LOOPBACK:
-            # Whoever can speak to it can have it run anything.
+            # Anyone who can connect to the scheduler can run any code there.
             raise _refusal(address, "tls://HOST:PORT; tcp:// on this host only")
         try:
             self._client: Final = Client(address, timeout=_TIMEOUT_S, set_as_default=False)
         except (OSError, TypeError, ValueError) as failure:
             raise _refusal(address, f"a Dask scheduler that answers ({failure})") from failure
         self._executor: Final[Executor] = self._client.get_executor(pure=False)
-        # One more for each, so that none waits for this process.
+        # Two runs for each thread, so that none waits for this process.
         self.count = 2 * max(1, sum(self._client.nthreads().values()))
 
     def __enter__(self) -> ClusterWorkers:

@@ -1,4 +1,4 @@
-"""Two settings, or two campaigns, compared: run by run of the same seed."""
+"""Compares two settings or two campaigns, run by run with the same seed."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ FIGURES: Final = (
     "violations", "min_margin", "ac_share", "disengagements_total", "targets_reached", "longest_stall_s",
     "no_progress_s",
 )  # fmt: skip
-"""What is compared."""
+"""The figures that are compared."""
 
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """A figure of two sides, paired.
+    """The difference of a figure between two sides, paired by seed.
 
     Attributes:
-        figure: its name.
-        pairs: how many pairs have it.
+        figure: the figure's name.
+        pairs: how many pairs have the figure.
         left: its mean on the left.
         right: its mean on the right.
         middle: the median of right minus left; None below 6 pairs.
-        low: the lower end of its exact interval at 95 %; None below 6 pairs.
-        high: the upper end.
+        low: the lower end of the median's exact interval at 95 %; None below 6 pairs.
+        high: the upper end; None below 6 pairs.
     """
 
     figure: str
@@ -42,12 +42,12 @@ class PairedDifference:
 
     @property
     def shown(self) -> bool:
-        """Whether the interval leaves 0 out."""
+        """Whether the interval excludes 0."""
         return self.low is not None and self.high is not None and not self.low <= 0.0 <= self.high
 
 
 def select(rows: Iterable[RunRow], wanted: Mapping[str, str]) -> list[RunRow]:
-    """Return the runs of which axes (or `part`) have the wanted names."""
+    """Return the runs whose axes (or `part`) have the wanted values."""
     return [
         row for row in rows
         if all((row.part if axis == "part" else row.axes.get(axis)) == name for axis, name in wanted.items())
@@ -55,7 +55,7 @@ def select(rows: Iterable[RunRow], wanted: Mapping[str, str]) -> list[RunRow]:
 
 
 def pairs(left: Sequence[RunRow], right: Sequence[RunRow], apart: Iterable[str]) -> list[tuple[RunRow, RunRow]]:
-    """Return runs of the left and of the right that have the same seed and agree on all axes but those apart."""
+    """Return pairs of runs, left and right, with the same seed and the same axes except those in `apart`."""
 
     def key(row: RunRow) -> tuple[object, ...]:
         axes = {"part": row.part, **row.axes}
@@ -66,7 +66,7 @@ def pairs(left: Sequence[RunRow], right: Sequence[RunRow], apart: Iterable[str])
 
 
 def compare(paired: Sequence[tuple[RunRow, RunRow]]) -> list[PairedDifference]:
-    """Return how figures differ, of those that some pairs have."""
+    """Return the differences of all figures that some pairs have."""
     found = []
     for name in FIGURES:
         both = [(a, b) for one, other in paired if (a := figure(one, name)) is not None

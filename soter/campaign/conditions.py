@@ -1,4 +1,4 @@
-"""What a campaign asks of its runs, as texts: requirements, and rules when it is enough."""
+"""Reads and judges a campaign's requirements and stopping rules, which are texts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _RULE: Final = re.compile(
 
 
 def looked_up(result: Mapping[str, Any], name: str) -> Any:
-    """Return what a result has under a dotted key; None where it has nothing."""
+    """Return the value of a result at a dotted key; None if there is none."""
     value: Any = result
     for part in name.split("."):
         value = value.get(part) if isinstance(value, Mapping) else None
@@ -41,13 +41,13 @@ def looked_up(result: Mapping[str, Any], name: str) -> Any:
 
 
 def figure(row: RunRow, name: str) -> float | None:
-    """Return a figure of a run, or None where it has none.
+    """Return a figure of a run, or None if the run has no such figure.
 
     Args:
         row: the run.
         name: `accepted` (1 or 0), `findings`, or a dotted key of its result, such as `ac_share`, `violations.collision`
-            or `min_margin.obstacle`. Of a table that is named as a whole counts are added, and of margins the least is
-            taken.
+            or `min_margin.obstacle`. For a whole table, such as `violations`, counts are added, and the least margin
+            is taken.
     """
     if name == "accepted":
         return float(row.status == "done")
@@ -62,7 +62,7 @@ def figure(row: RunRow, name: str) -> float | None:
 
 @dataclass(frozen=True)
 class Judged:
-    """A requirement, judged: what is asked for, what was found, and whether that is enough."""
+    """A judged requirement: its text, the finding, and whether it holds."""
 
     text: str
     found: str
@@ -71,7 +71,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class Condition:
-    """A requirement such as "violations == 0" (of every run) or "mean ac_share >= 0.802" (of all together)."""
+    """A requirement such as "violations == 0" (for every run) or "mean ac_share >= 0.802" (for all together)."""
 
     text: str
     over: str
@@ -91,7 +91,7 @@ class Condition:
         return cls(found[0], found["over"] or "", found["figure"], found["operator"], float(found["number"]))
 
     def judge(self, rows: Iterable[RunRow]) -> Judged:
-        """Judge finished runs. A run that has no such figure proves nothing."""
+        """Judge finished runs. If runs lack the figure, the requirement does not hold."""
         holds = _OPERATORS[self.operator]
         values = {row.id: figure(row, self.figure) for row in rows}
         known = [value for value in values.values() if value is not None]
@@ -107,13 +107,13 @@ class Condition:
 
 @dataclass(frozen=True)
 class RateRule:
-    """When it is enough: "FIGURE < R per robot-hour at P %", or "FIGURE < R of runs at P %".
+    """A stopping rule: "FIGURE < R per robot-hour at P %", or "FIGURE < R of runs at P %".
 
     Attributes:
-        text: as it was written.
-        figure: counts what must be rare.
-        bound: the rate, or the share of the runs that have any, that it must be shown to be below.
-        per_hour: whether it is a rate.
+        text: the rule as it was written.
+        figure: the figure that counts the rare events.
+        bound: the bound to prove, for the rate of events or for the share of runs that have any.
+        per_hour: whether the bound is a rate.
         level: the confidence, from 0 to 1.
     """
 

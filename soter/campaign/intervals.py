@@ -1,6 +1,6 @@
-"""Exact intervals, and the evidence of a stopping rule. From scipy, which has the special functions.
+"""Exact intervals, and the evidence of a stopping rule, with scipy's special functions.
 
-Quantiles are those functions and not `scipy.stats`, whose import alone takes every process nearly half a second.
+`scipy.stats` has the quantiles as well, but its import alone takes every process nearly half a second.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from scipy.special import (
 )
 
 LEVEL: Final = 0.95
-"""How often an interval holds the true value, at least."""
+"""Least probability that an interval contains the true value."""
 
 _TAIL: Final = (1.0 - LEVEL) / 2.0
 
@@ -33,8 +33,8 @@ def poisson(count: int, exposure: float) -> tuple[float, float]:
     """Return the exact two-sided interval of a rate (Garwood 1936).
 
     Args:
-        count: events, which come independently of each other.
-        exposure: hours, for example; the interval is per such.
+        count: the number of independent events.
+        exposure: for example hours; the interval is per unit of it.
     """
     if exposure <= 0.0:
         return 0.0, math.inf
@@ -58,7 +58,7 @@ def median(values: Sequence[float]) -> tuple[float, float, float] | None:
     """Return the median and its exact interval between two of the values, whatever the distribution.
 
     The k-th least and the k-th greatest of n values enclose the median unless fewer than k lie on one side of it, which
-    is a matter of n fair coins. None where even the least and the greatest are too few: below 6 values at 95 %.
+    has the probability of n fair coins. None if even the least and the greatest do not suffice: below 6 values at 95 %.
     """
     ordered, count = sorted(values), len(values)
     # The largest k with P(fewer than k on one side) <= tail.
@@ -72,8 +72,8 @@ def median(values: Sequence[float]) -> tuple[float, float, float] | None:
 def positive_mean(values: Sequence[float]) -> tuple[float, float, float]:
     """Return the mean and an interval of values that cannot be negative and lie apart by factors, at least two of them.
 
-    It is Student's interval of the mean, laid around its logarithm (by the delta method): it holds as far as that of
-    many such values is a normal one. Around the mean itself it would too often end below the true value.
+    The interval is Student's, around the logarithm of the mean (by the delta method): it holds as far as that logarithm
+    is normally distributed. Around the mean itself it would too often end below the true value.
     """
     middle = fmean(values)
     if middle == 0.0:
@@ -84,14 +84,14 @@ def positive_mean(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def rate_evidence(count: int, exposure: float, bound: float) -> float:
-    """Return the evidence, after so many events, that a rate is below a bound; see `enough`.
+    """Return the evidence, after `count` events, that a rate is below a bound; see `enough`.
 
-    It is a likelihood ratio to the bound, mixed over rates below it: half of the weight on none at all, half spread
-    evenly from 0 to the bound. While the true rate is the bound or more, its expectation never grows, so that by
-    Ville's inequality it ever exceeds 1/a, however often one looks, with a probability of at most a.
+    The evidence is a likelihood ratio to the bound, mixed over rates below it: half of the weight on the rate 0, half
+    spread evenly from 0 to the bound. If the true rate is the bound or more, its expectation never grows. So by
+    Ville's inequality it exceeds 1/a with a probability of at most a, however often it is checked.
 
     Returns:
-        Its natural logarithm.
+        The natural logarithm of the evidence.
     """
     x = bound * exposure
     if x == 0.0:
@@ -109,7 +109,7 @@ def share_evidence(count: int, of: int, bound: float) -> float:
 
 
 def enough(log_evidence: float, level: float) -> bool:
-    """Return whether evidence is enough at a level, looked at again and again."""
+    """Return whether evidence suffices at a level; it may be checked any number of times."""
     return log_evidence >= -math.log1p(-level)
 
 

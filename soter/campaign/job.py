@@ -1,4 +1,4 @@
-"""One run of a campaign: what is run, the command that repeats it, and what became of it."""
+"""One run of a campaign: its settings, the command that repeats it, and its outcome."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ OPTIONS: Final = {
 HOST: Final = (
     "wall_s", "real_time_factor", "dm_tick_us", "missed_ticks", "tick_late_ms", "peer_age_ms", "peer_tick_us",
 )  # fmt: skip
-"""Figures of a result that the host has a say in: two runs of one job may differ in these, and in nothing else."""
+"""Figures of a result that depend on the host: two runs of one job may differ in these only."""
 
 JUDGED: Final = "second_judge"
-"""The key of a result that holds what the second judge says; see `soter.campaign.random.running`."""
+"""The key of the second judge's judgement in a result; see `soter.campaign.random.running`."""
 
 FALLS: Final = "falls"
-"""The key of a result that holds how the margin of `Job.falls_of` fell; see `soter.runner.Run`."""
+"""The key in a result of how the margin of `Job.falls_of` fell; see `soter.runner.Run`."""
 
 LATE_S: Final = 30.0
-"""What a run gets beyond its limit before its process is ended: it may hang where it cannot be asked to stop."""
+"""Time beyond its limit after which a run's process is ended: a run that hangs may not stop by itself."""
 
 
 @dataclass(frozen=True)
@@ -60,17 +60,17 @@ class Job:
     """One run.
 
     Attributes:
-        part: the part of the campaign that it belongs to.
-        number: its place among the runs of that part, from 0.
+        part: the part of the campaign.
+        number: the run's place in that part, from 0.
         mission: the mission file; empty for a drawn configuration.
-        settings: value by dotted key of the mission file, and `engine`; of a drawn configuration `seed` and `engine`
-            are what it is drawn from.
-        axes: what tells it from other runs of its part, as texts, by axis; the seed is not among them.
-        accept_unproved: whether what cannot be proved is run.
-        limit_s: host time that it may take; None for any.
-        judged: whether a second judge judges it; drawn configurations always are.
-        folder: where it is run, so that paths and classes of the user's own are found; empty for where the process is.
-        sources: a hash over all that its outcome may depend on besides; see `soter.campaign.sources`.
+        settings: value by dotted key of the mission file, and `engine`; a drawn configuration is drawn from `seed` and
+            `engine`.
+        axes: value by axis, as texts, that tell the run from others of its part; without the seed.
+        accept_unproved: whether to run what cannot be proved.
+        limit_s: host time that the run may take; None for any.
+        judged: whether a second judge judges the run; drawn configurations always are.
+        folder: working directory, so that paths and the user's classes are found; empty for the process's own.
+        sources: a hash over the code that the outcome depends on; see `soter.campaign.sources`.
         falls_of: the rule whose least margin is followed; empty for none.
     """
 
@@ -88,18 +88,18 @@ class Job:
 
     @property
     def id(self) -> str:
-        """What names the run in its store: the same for the same part, mission and settings."""
+        """Name of the run in its store: the same for the same part, mission and settings."""
         whole = [self.part, self.mission, dict(self.settings), self.accept_unproved, *filter(None, [self.falls_of])]
         return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:12]
 
     @property
     def seed(self) -> int:
-        """From which everything random is drawn; 0 where only the mission file says."""
+        """The seed of all random numbers; 0 if only the mission file has it."""
         return int(self.settings.get("seed", 0))
 
     @property
     def command(self) -> str:
-        """The command line that repeats it."""
+        """The command line that repeats the run."""
         if not self.mission:
             return f"soter campaign draw {self.seed} --engine {self.settings.get('engine', 'kinematic')}"
         words = ["soter", "run", self.mission]
@@ -124,16 +124,16 @@ class Job:
 
 @dataclass
 class Done:
-    """What became of a run.
+    """The outcome of a run.
 
     Attributes:
-        status: `done`; `refused`: it is bad input, or a module is ill-formed or not proved; `failed`: it did not get
-            to its end; `stopped`: it was told to stop, and is not kept.
+        status: `done`; `refused`: bad input, or a module is ill-formed or not proved; `failed`: the run did not get to
+            its end; `stopped`: the run was told to stop, and is not kept.
         failure: why it was refused or failed, in a line.
-        trace: the traceback of what nobody expected; empty otherwise.
-        result: `RunResult` without what the host has a say in; None where nothing was run.
-        host: the rest of it.
-        findings: what a second judge says must not be; only of drawn configurations.
+        trace: the traceback of an unexpected error; empty otherwise.
+        result: `RunResult` without the figures that depend on the host; None if nothing was run.
+        host: the figures that depend on the host.
+        findings: faults found by the second judge.
     """
 
     status: str
@@ -145,10 +145,10 @@ class Done:
 
     @classmethod
     def of(cls, run: Run) -> Done:
-        """Return what became of a run that ended by itself."""
+        """Return the outcome of a run that ended by itself."""
         figures = run.result.model_dump(mode="json")
         host = {key: figures.pop(key) for key in HOST}
-        # The job has it; a configuration that is drawn is in a folder that is gone by now.
+        # The job has the mission; a drawn configuration was in a folder that is gone by now.
         del figures["mission"]
         if run.falls:
             figures[FALLS] = [[*fall] for fall in run.falls]
@@ -157,12 +157,12 @@ class Done:
 
 
 def carry_out(job: Job, stop: Callable[[], bool], record: Path | None = None) -> Done:
-    """Run a job here, in the main thread. Whatever goes wrong is part of what is returned.
+    """Run a job in this process's main thread; errors become part of the outcome.
 
     Args:
-        job: what.
-        stop: asked at every tick whether to end early.
-        record: where to record it, or None.
+        job: the job.
+        stop: called at every tick; returns whether to end early.
+        record: the file to record the run in, or None.
     """
     ends_s = time.monotonic() + (job.limit_s or float("inf"))
     late = f"no end after {job.limit_s or 0.0:g} s of the host's time"
@@ -198,7 +198,7 @@ def _judged(job: Job, stop: Callable[[], bool], record: Path | None) -> Done:
         run, judgement = run_drawn(job.settings, stop, record)
     done = Done.of(run)
     assert done.result is not None
-    # Through JSON, so that a result that was kept and one that was not are equal.
+    # Through JSON, so that a result equals the same one from a store.
     done.result[JUDGED] = json.loads(json.dumps(asdict(judgement)))
     done.findings = judgement.findings
     return done
@@ -210,7 +210,7 @@ _stop: Event | None = None
 
 
 def begin(stop: Event) -> None:
-    """Prepare a worker process: Ctrl-C is the first process's business, which sets `stop`; with it the worker dies."""
+    """Prepare a worker process. It ignores Ctrl-C, for which the first process sets `stop`, and dies with that one."""
     global _stop
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""The campaign file: which missions are run, with which settings, what is asked of them, and when it is enough."""
+"""Reads campaign files: missions and settings of runs, their requirements, and stopping rules."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class Campaign:
     """A campaign file that was read.
 
     Attributes:
-        path: where it is.
-        title: of its pages.
-        parts: by name.
+        path: the file's path.
+        title: title of its pages.
+        parts: the parts, by name.
         sources: a hash over all that its runs may depend on.
-        text: the file.
-        overrides: settings of all runs, which take the place of all others.
+        text: the file's text.
+        overrides: settings of all runs, which override all others.
     """
 
     path: Path
@@ -44,11 +44,11 @@ class Campaign:
     overrides: Mapping[str, object] = field(default_factory=dict)
 
     def mission(self, part: PartTable) -> str:
-        """Return the mission file of a part as a path that is right here; nothing for drawn configurations."""
+        """Return the mission file of a part relative to the working directory; empty for drawn configurations."""
         return "" if part.mission == DRAWN else os.path.relpath(self.path.parent / part.mission)
 
     def jobs(self, part: PartTable) -> Iterator[Job]:
-        """Yield the runs of a part without its search: all combinations with the first seed, then with the next."""
+        """Yield the runs of a part without those of its search: all combinations with the first seed, then the next."""
         number = itertools.count()
         for seed in part.all_seeds():
             for axes, settings in part.rows():
@@ -58,7 +58,7 @@ class Campaign:
         """Return one run.
 
         Raises:
-            ConfigError: a setting is of a fault that the part's own settings lack.
+            ConfigError: a setting belongs to a fault that the part's own settings lack.
         """
         settings = _in_faults(settings, str(self.path))
         return Job(
@@ -68,7 +68,7 @@ class Campaign:
 
 
 def _in_faults(settings: Settings, source: str) -> Settings:
-    """Return settings in which keys such as fault.0.factor stand in the list that they mean."""
+    """Return settings with keys such as fault.0.factor moved into the list of faults."""
     found = {key: value for key, value in settings.items() if not key.startswith("fault.")}
     faults = copy.deepcopy(found.get("fault", []))
     for key in set(settings) - set(found):
@@ -94,8 +94,8 @@ def load_campaign(path: Path, overrides: Mapping[str, object] | None = None, onl
 
     Args:
         path: the file.
-        overrides: settings of all runs, by key; they take the place of what the file says.
-        only: only parts whose names match this pattern.
+        overrides: settings of all runs, by key, which override the file's.
+        only: a pattern; other parts are left out.
 
     Raises:
         ConfigError: the file, a mission or a setting is not allowed.
@@ -133,7 +133,7 @@ def load_campaign(path: Path, overrides: Mapping[str, object] | None = None, onl
 
 
 def _refuse_wrong(campaign: Campaign, part: PartTable, key: str, line: int | None) -> None:
-    """Refuse a part with settings that no mission takes."""
+    """Refuse a part whose settings contradict each other, or that its mission does not take."""
     source = str(campaign.path)
 
     def refusal(name: str, message: str) -> ConfigError:

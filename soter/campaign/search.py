@@ -1,4 +1,4 @@
-"""Looks for the worst: CMA-ES over declared ranges, one run a candidate."""
+"""Searches for the worst run: CMA-ES over declared ranges, one run a candidate."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from soter.campaign.tables import SEED, PartTable, flat
 
 _BEGIN_SPREAD: Final = 0.3
 _NOTHING: Final = 1e9
-"""What a candidate is worth that was refused or failed: nothing is learnt of it but to keep away."""
+"""Value of a candidate that was refused or failed, from which the optimiser keeps away."""
 
 
 class Searched:
     """The runs of a search, a generation at a time; `soter.campaign.session.Source`.
 
-    What it asks for follows from its seed and from what was found, so that a search that is carried on asks for the
-    same again. Where the optimiser has converged it begins anew elsewhere, with twice as many candidates.
+    The next runs follow from the seed and the results so far, so that a resumed search asks for the same runs again. If
+    the optimiser has converged, it starts again elsewhere, with twice as many candidates.
     """
 
     def __init__(self, campaign: Campaign, part: PartTable) -> None:
@@ -52,7 +52,7 @@ class Searched:
         self._learn()
 
     def _learn(self) -> None:
-        """Learn of a generation as far as it is finished from its beginning on; of a whole one, ask the next time."""
+        """Take the finished runs of a generation, in order; ask for the next generation once all are taken."""
         numbers = range(self._first, self._number)
         below = -math.inf if self._search.below is None else self._search.below
         for number in numbers:
@@ -82,7 +82,7 @@ class Searched:
                 self._restarts += 1
             self._generation = self._optimiser.ask()
             if len(self._generation) > left:
-                # Nothing is learnt of a part of a generation; the runs that are left are still worth a look.
+                # The optimiser cannot use a part of a generation, but the remaining runs may still find a worse case.
                 self._generation = self._generation[:left]
         for place in self._generation:
             settings = {**flat(self._part.set), SEED: self._seeds[self._number % len(self._seeds)]}

@@ -1,4 +1,4 @@
-"""Runs what a campaign lacks, keeps it, and knows when it is enough."""
+"""Carries out the missing runs of a campaign, keeps them, and ends parts whose stopping rules hold."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from soter.campaign.tables import PartTable
 from soter.campaign.workers import Workers
 
 MOST_DEATHS: Final = 3
-"""A run of which so many workers have died has failed."""
+"""How many workers may die of a run before it has failed."""
 
 _POLL_S: Final = 0.2
 
 
 @dataclass
 class Totals:
-    """What a campaign has up to now.
+    """The progress of a campaign.
 
     Attributes:
-        runs: finished ones that count.
-        planned: how many there are to be, at most.
-        robot_hours: simulated.
-        violations: by rule, by ground truth.
-        status: how many runs are done, refused, failed.
-        left_s: estimate of the host time that is left; None while nothing is known.
+        runs: number of finished runs that count.
+        planned: largest number of runs.
+        robot_hours: simulated robot-hours.
+        violations: number by rule, by ground truth.
+        status: number of runs that are done, refused, failed.
+        left_s: estimate of the remaining host time; None while it is unknown.
     """
 
     runs: int = 0
@@ -53,29 +53,29 @@ class Totals:
 
 
 class Source(Protocol):
-    """Where the runs of a part come from.
+    """The source of the runs of a part.
 
     Attributes:
-        planned: how many there are at most, as far as that is known.
+        planned: the largest number of runs, as far as it is known.
     """
 
     planned: int
 
     def next(self) -> Job | None:
-        """Return the next run; None if there is none now. There may be one after more are finished."""
+        """Return the next run; None if there is none until more runs are finished, or none at all."""
 
     def tell(self, row: RunRow) -> None:
-        """Hear of a finished run."""
+        """Take a finished run."""
 
     def end(self, store: Store) -> None:
-        """Put right what the store counts, once nothing more is run."""
+        """Correct which runs the store counts, at the end of the campaign."""
 
 
 class Listed:
-    """The runs of a part in their order, until they are all done or its stopping rule holds; `Source`.
+    """The runs of a part in their order, until all are done or its stopping rule holds; `Source`.
 
-    The rule is asked about the first run, the first two, and so on: what of them is finished first has no say in when
-    a campaign ends.
+    The rule is checked for the first run, the first two, and so on, so that the order in which runs finish does not
+    matter.
     """
 
     def __init__(self, campaign: Campaign, part: PartTable) -> None:
@@ -106,10 +106,10 @@ class Listed:
 
 
 class Look:
-    """A stopping rule that looks at one run after another.
+    """Checks a stopping rule, one run after another.
 
     Attributes:
-        log_evidence: that what must be rare is, as a logarithm; see `rate_evidence`.
+        log_evidence: logarithm of the evidence that the bound holds; see `rate_evidence`.
     """
 
     def __init__(self, rule: StoppingRule) -> None:
@@ -119,7 +119,7 @@ class Look:
         self._hours = 0.0
 
     def at(self, row: RunRow) -> bool:
-        """Look at one run more; return whether it is enough. A run without that figure is none that shows anything."""
+        """Add a run; return whether the rule holds. A run without the figure is no evidence."""
         found = figure(row, self.rule.figure)
         if found is None:
             return False
@@ -135,7 +135,7 @@ class Look:
 
 
 def sources(campaign: Campaign) -> list[Source]:
-    """Return where the runs of a campaign come from."""
+    """Return the sources of a campaign's runs."""
     found: list[Source] = []
     for part in campaign.parts.values():
         if part.split is not None:
@@ -143,7 +143,7 @@ def sources(campaign: Campaign) -> list[Source]:
         elif part.search is None:
             found.append(Listed(campaign, part))
         else:
-            # Only searches need its library.
+            # Imported only here: only searches need the optimiser's library.
             from soter.campaign.search import Searched
 
             found.append(Searched(campaign, part))
@@ -158,17 +158,17 @@ def run_campaign(
     stop: Callable[[], bool] = lambda: False,
     on_change: Callable[[Totals, RunRow | None], None] = lambda totals, row: None,
 ) -> Totals:
-    """Run what the store lacks.
+    """Carry out the runs that the store lacks.
 
     Args:
-        campaign: what.
-        store: keeps finished runs; what it has is not run again.
+        campaign: the campaign.
+        store: keeps finished runs; those that it has are not made again.
         workers: carry runs out.
-        stop: asked again and again whether to end; runs under way are then given up.
-        on_change: told of every run that is finished, and first of what is there already.
+        stop: polled; returns whether to end and give up the runs under way.
+        on_change: called with the totals at the start, and with every finished run.
 
     Returns:
-        What there is in the end.
+        The totals at the end.
     """
     known, totals, all_sources = store.ids(), Totals(), sources(campaign)
     running: dict[Future[Done], tuple[Job, Source, float]] = {}
@@ -178,7 +178,7 @@ def run_campaign(
     began_s, finished = time.monotonic(), 0
 
     def changed(row: RunRow | None) -> None:
-        # Runs that were under way when a stopping rule was met are finished all the same.
+        # Runs under way when a stopping rule is met are still finished, and count as planned.
         totals.planned = max(sum(source.planned for source in all_sources), totals.runs)
         if finished:
             totals.left_s = (time.monotonic() - began_s) / finished * (totals.planned - totals.runs)
@@ -187,13 +187,13 @@ def run_campaign(
     def tell(source: Source, job: Job, *, quiet: bool = False) -> None:
         for row in store.rows(run=job.id):
             totals.add(row)
-            # A store that had another plan before may have it at another place.
+            # A store of an earlier plan may have the run at another place.
             source.tell(replace(row, number=job.number))
             if not quiet:
                 changed(row)
 
     def fresh(source: Source) -> Job | None:
-        """Return the next run of a source that the store has not; it hears of those that it has."""
+        """Return the next run of a source that the store lacks; pass those that it has to the source."""
         had = []
         while (job := source.next()) is not None and job.id in known:
             had.append(job)
@@ -228,7 +228,7 @@ def run_campaign(
         tell(source, job)
 
     with workers:
-        # Before anything is said, all sources hear of what the store has, up to the first run that it lacks.
+        # Before the first report, pass the store's runs to all sources, up to the first one that it lacks.
         lacking.update((source, fresh(source)) for source in all_sources)
         changed(None)
         while not stop():

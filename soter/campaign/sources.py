@@ -1,4 +1,4 @@
-"""A hash over what the outcome of a run may depend on, so that runs of different sources are not taken for one."""
+"""Hashes all that the outcome of a run may depend on, so that runs of different sources are told apart."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from soter.record.about import versions
 _PACKAGES: Final = ("soter", "soter_sim")
 _SUFFIXES: Final = {".py", ".urdf", ".xml"}
 _NO_SAY: Final = ("cli/", "report/", "live/", "conformance/", "campaign/report/")
-"""Folders of SOTER that have no say in what a run becomes."""
+"""Folders of SOTER on which the outcome of a run does not depend."""
 
 _BESIDE: Final = {".py", ".xml", ".geojson", ".plan", ".kml", ".yaml", ".yml", ".pgm", ".png"}
 _LIBRARIES: Final = ("numpy", "ompl", "pybullet")
@@ -22,7 +22,7 @@ _LIBRARIES: Final = ("numpy", "ompl", "pybullet")
 
 @cache
 def code_hash() -> str:
-    """Return a hash over SOTER and the libraries that move robots and plan for them."""
+    """Return a hash over SOTER and the libraries that simulate robots and plan for them."""
     digest = hashlib.sha256()
     for package in _PACKAGES:
         root = Path(str(files(package)))
@@ -38,7 +38,7 @@ def code_hash() -> str:
 
 
 def sources_hash(missions: Iterable[Path]) -> str:
-    """Return the same with missions, and with the workspaces and classes of the user's own beside them."""
+    """Return a hash over that code, missions, and the workspaces and the user's classes beside them."""
     digest = hashlib.sha256(code_hash().encode())
     given = {mission.resolve() for mission in missions}
     beside = {path for mission in given for path in mission.parent.iterdir() if path.suffix in _BESIDE}

@@ -1,10 +1,10 @@
-"""Importance splitting: how often a margin falls below a value, where plain runs would hardly ever show it.
+"""Importance splitting: estimates how often a margin falls below a value, if plain runs would hardly ever show it.
 
-Adaptive multilevel splitting (Cerou and Guyader 2007) in discrete time. Some runs are made as they are. Those that
-stay farthest from the value are killed, and as many branch from others at the tick at which these came nearer: they
-repeat such a run up to that tick, and then draw anew what faults draw. This is done until nearly all are below the
-value. Each time the probability shrinks by the part that was killed. Runs that came equally near are killed together;
-so the estimate is unbiased whatever the number of runs (Brehier, Gazeau, Goudenege, Lelievre and Rousset 2016).
+Adaptive multilevel splitting (Cerou and Guyader 2007) in discrete time begins with plain runs. The runs that stay
+farthest from the value are killed, and as many branch from others at the tick at which these came nearer: they repeat
+such a run up to that tick, and from then on faults use new random numbers. This is repeated until nearly all runs are
+below the value. Each time the probability shrinks by the part that was killed. Runs that came equally near are killed
+together; so the estimate is unbiased whatever the number of runs (Brehier, Gazeau, Goudenege, Lelievre, Rousset 2016).
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ BRANCHED: Final[Mapping[str, str]] = {"runs": "branched"}
 """The axis of runs that branch from others."""
 
 _KILLED: Final = 0.2
-"""The part of the runs that is killed at a level; more than that where runs came equally near."""
+"""The part of the runs that is killed at a level; more if runs came equally near."""
 
 _NEVER: Final = 1e-12
-"""What is rarer than that is taken for what never happens."""
+"""Rarer events are taken for impossible."""
 
 _REACHED: Final = 0.9
-"""The part of the repetitions that must have got to the value for an interval from their spread."""
+"""The part of the repetitions that must have reached the value for an interval from their spread."""
 
 Falls = Sequence[Sequence[float]]
-"""How the margin of a run fell: fleet time and least margin, see `soter.runner.Run`."""
+"""The falls of a run's margin: fleet time and least margin, see `soter.runner.Run`."""
 
 
 class Branch(NamedTuple):
@@ -43,8 +43,8 @@ class Branch(NamedTuple):
 
     Attributes:
         root: the index of the plain run that it begins as.
-        reseeds: fleet time and seed from which faults draw from then on.
-        shared: how its margin falls in any case, up to the last of these times.
+        reseeds: fleet times, each with the seed from which faults draw from then on.
+        shared: the falls of its margin up to the last of these times, which are known beforehand.
     """
 
     root: int
@@ -53,17 +53,17 @@ class Branch(NamedTuple):
 
 
 class Repetition:
-    """One estimate. What it asks for follows from its random numbers and from what was found.
+    """One estimate. Its runs follow from its random numbers and the results so far.
 
     Args:
-        replicas: with how many plain runs it begins.
+        replicas: the number of plain runs to begin with.
         below: the value.
-        random: what it draws from.
+        random: the source of random numbers.
 
     Attributes:
-        runs: that it needs; grows with what it is told.
+        runs: the runs that it needs; grows with the results.
         estimate: the probability, once it is known.
-        void: why there will be none; empty otherwise.
+        void: why there will be no estimate; empty otherwise.
     """
 
     def __init__(self, replicas: int, below: float, random: Random) -> None:
@@ -77,7 +77,7 @@ class Repetition:
         self._weight = 1.0
 
     def tell(self, index: int, falls: Falls) -> None:
-        """Hear how the margin of a run fell."""
+        """Take the falls of a run's margin."""
         shared = self.runs[index].shared if index < len(self.runs) else ()
         if index >= len(self.runs):
             self.void = "a run is of another plan"
@@ -111,7 +111,7 @@ class Repetition:
         falls, origin = self._falls[parent], self.runs[parent]
         end = next(at for at, (_, margin) in enumerate(falls) if margin < level) + 1
         at_s = float(falls[end - 1][0])
-        # Where a run fell past several levels in one tick, only the last seed of that tick is drawn from.
+        # If a run fell past several levels in one tick, only the last seed of that tick is used.
         earlier = [each for each in origin.reseeds if each[0] < at_s]
         return Branch(origin.root, (*earlier, (at_s, self._random.getrandbits(53))), falls[:end])
 
@@ -134,7 +134,7 @@ class Split:
         return self._asked.popleft() if self._asked else None
 
     def tell(self, row: RunRow) -> None:
-        # The runs of all repetitions take turns in the numbers, whichever of them is ahead.
+        # The numbers of runs alternate between the repetitions, whichever of them is ahead.
         index, which = divmod(row.number, len(self.repetitions))
         repetition = self.repetitions[which]
         known = len(repetition.runs)
@@ -144,7 +144,7 @@ class Split:
         self.planned += len(new)
 
     def end(self, store: Store) -> None:
-        """Whatever was run counts."""
+        """Do nothing: all runs count."""
 
     def _job(self, which: int, index: int) -> Job:
         branch, turns = self.repetitions[which].runs[index], len(self.repetitions)
@@ -154,7 +154,7 @@ class Split:
 
 
 def judge_split(campaign: Campaign, part: PartTable, rows: Sequence[RunRow]) -> Judged:
-    """Return what follows from the runs of a part that splits, which are in the order of their numbers."""
+    """Judge the runs of a part that splits, given in the order of their numbers."""
     table = part.split
     assert table is not None
     asked = f"min_margin.{table.rule} < {table.below:g}"
@@ -171,7 +171,7 @@ def judge_split(campaign: Campaign, part: PartTable, rows: Sequence[RunRow]) -> 
     count, of = sum(row.result[FALLS][-1][1] < table.below for row in plain), len(plain)
     reached = sum(each > 0.0 for each in found)
     share, low, high = positive_mean(found)
-    # Where repetitions die out, their spread does not show what they missed; what plain runs show holds in any case.
+    # If repetitions die out, their spread does not show what they missed; the plain runs' interval holds in any case.
     by_spread = reached >= _REACHED * len(found) and len(rows) > of
     if not by_spread:
         low, high = proportion(count, of)

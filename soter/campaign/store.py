@@ -1,4 +1,4 @@
-"""Where a campaign keeps its runs: one SQLite file, which pandas and DuckDB read."""
+"""The store of a campaign's runs: one SQLite file, which pandas and DuckDB can read."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from soter.errors import ConfigError, RunFailed
 
 VERSION: Final = 1
 _APPLICATION: Final = 0x50_7E_12
-"""Tells SQLite files of campaigns from others."""
+"""Distinguishes SQLite files of campaigns from others."""
 
 _SCHEMA: Final = """
 CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -57,7 +57,7 @@ CREATE INDEX by_part ON runs (part, number);
 
 @dataclass(frozen=True)
 class RunRow:
-    """A finished run; the attributes are the columns that are not in `result`, and see `Job` and `Done`."""
+    """A finished run; the attributes are the columns that are not in `result`, see also `Job` and `Done`."""
 
     id: str
     part: str
@@ -78,7 +78,7 @@ class RunRow:
 
     @property
     def violations(self) -> Mapping[str, int] | None:
-        """By rule, by ground truth; None where there is none."""
+        """Violations by rule, by ground truth; None without it."""
         return self.result.get("violations")
 
 
@@ -91,10 +91,10 @@ class Store:
 
     Args:
         path: the file.
-        write: whether to write it, and to make it if there is none. Nobody else may write it then.
+        write: whether to write the file, and to make it if there is none. No other process may write it then.
 
     Raises:
-        ConfigError: it is no store of a campaign, cannot be opened, or another campaign is writing it.
+        ConfigError: the file is no store of a campaign, cannot be opened, or another campaign is writing it.
     """
 
     def __init__(self, path: Path, *, write: bool = False) -> None:
@@ -126,7 +126,7 @@ class Store:
         return ConfigError(f"it cannot be opened as a store of a campaign: {failure}", source=str(self.path))
 
     def _lock_it(self) -> None:
-        # SQLite's own locks are of another kind; this one says that a campaign goes on, and dies with it.
+        # Unlike SQLite's own locks, this one lasts as long as the campaign, and ends with its process.
         self._lock = os.open(self.path, os.O_RDWR)
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -136,10 +136,10 @@ class Store:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Write all of it or nothing.
+        """Write all changes of a block or none.
 
         Raises:
-            RunFailed: it cannot be written, because the disk is full, for example.
+            RunFailed: the file cannot be written, because the disk is full, for example.
         """
         try:
             with self._sql:
@@ -164,14 +164,14 @@ class Store:
     # --- what is run -----------------------------------------------------------------------------------------
 
     def about(self) -> dict[str, str]:
-        """Return what is known of the campaign: its `path`, `text`, `title`, `sources` and `versions`."""
+        """Return the description of the campaign: its `path`, `text`, `title`, `sources` and `versions`."""
         return dict(self._sql.execute("SELECT key, value FROM about"))
 
     def describe(self, about: Mapping[str, str]) -> None:
-        """Say what campaign it is, and count no run until `count` says so.
+        """Store the description of the campaign, and count no run until `count` does.
 
         Raises:
-            ConfigError: its runs were made of other sources.
+            ConfigError: the stored runs were made of other sources.
         """
         before = self.about().get("sources", about["sources"])
         if before != about["sources"]:
@@ -185,12 +185,12 @@ class Store:
             self._sql.execute("UPDATE runs SET counted = 0")
 
     def mark_whole(self) -> None:
-        """Say that every run is made that the campaign asks for."""
+        """Mark that all runs of the campaign are made."""
         with self._writing():
             self._sql.execute("INSERT OR REPLACE INTO about VALUES ('whole', 'yes')")
 
     def add(self, job: Job, done: Done) -> None:
-        """Keep a finished run; it is safe on the disk when this returns."""
+        """Keep a finished run, which is on the disk when this returns."""
         result = done.result or {}
         hours = result["duration_s"] * result["robots"] / 3600.0 if result else None
         violations = result.get("violations")
@@ -208,14 +208,14 @@ class Store:
             self._sql.execute(f"INSERT OR REPLACE INTO runs VALUES ({', '.join('?' * len(row))})", row)  # noqa: S608
 
     def count(self, jobs: Iterable[Job]) -> None:
-        """Count runs that are there already."""
+        """Count runs that the store already has."""
         numbers = [(job.number, job.id) for job in jobs]
         if numbers:
             with self._writing():
                 self._sql.executemany("UPDATE runs SET counted = 1, number = ? WHERE id = ?", numbers)
 
     def leave_out(self, part: str, since: int) -> None:
-        """Count no runs of a part from a number on: there was enough before them."""
+        """Count no runs of a part from a number on, since the stopping rule held before them."""
         with self._writing():
             self._sql.execute("UPDATE runs SET counted = 0 WHERE part = ? AND number >= ?", (part, since))
 
@@ -226,7 +226,7 @@ class Store:
         return {name for (name,) in self._sql.execute("SELECT id FROM runs")}
 
     def rows(self, *, part: str | None = None, run: str | None = None) -> Iterator[RunRow]:
-        """Yield finished runs that count, in their order; all of them, those of a part, or the one of an id."""
+        """Yield finished runs that count, in their order: all of them, or those of a part, or one by its id."""
         query = (
             f"SELECT {', '.join(_COLUMNS)} FROM runs WHERE (? IS NULL OR part = ?) "  # noqa: S608
             "AND (? IS NULL AND counted OR id = ?) ORDER BY part, number"

@@ -1,4 +1,4 @@
-"""What came out of a campaign: its runs by part and setting, rates with exact intervals, and its judgement."""
+"""The results of a campaign: its runs by part and setting, rates with exact intervals, and its judgement."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from soter.campaign.tables import PartTable
 from soter.sdk import RULES
 
 NO_VIOLATION: Final = Condition.parse("violations == 0")
-"""What is required of a part that requires nothing, and does not split."""
+"""The default requirement of a part that does not split."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Rate:
 
     @classmethod
     def of(cls, count: int, hours: float) -> Rate:
-        """Return the rate of so many events in so many robot-hours."""
+        """Return the rate of `count` events in some robot-hours."""
         return cls(count, count / hours if hours else 0.0, *poisson(count, hours))
 
 
@@ -45,7 +45,7 @@ class Spread:
 
     @classmethod
     def of(cls, values: Sequence[float]) -> Spread | None:
-        """Return the spread of values; None where there are none."""
+        """Return the spread of values; None if there are none."""
         return cls(min(values), fmean(values), max(values)) if values else None
 
 
@@ -64,17 +64,17 @@ class Group:
 
     @property
     def branched(self) -> bool:
-        """Whether these were chosen because others had come near: no rate follows from them."""
+        """Whether these runs branch from others in importance splitting, so that no rate follows from them."""
         return self.axes == BRANCHED
 
     @property
     def done(self) -> list[RunRow]:
-        """Those that got to their end."""
+        """The runs that got to their end."""
         return [row for row in self.rows if row.status == "done"]
 
     @property
     def robot_hours(self) -> float:
-        """Simulated, of all robots together."""
+        """Simulated robot-hours, of all robots together."""
         return sum(row.robot_hours for row in self.rows)
 
     def status(self, name: str) -> int:
@@ -82,7 +82,7 @@ class Group:
         return sum(row.status == name for row in self.rows)
 
     def rate(self, name: str) -> Rate | None:
-        """Return how often something is counted per robot-hour; None where runs do not say, or one does not know."""
+        """Return the rate of a count per robot-hour; None if any run lacks the count."""
         if self.branched:
             return None
         counts = [figure(row, name) for row in self.rows if row.result]
@@ -90,21 +90,21 @@ class Group:
         return Rate.of(round(sum(known)), self.robot_hours) if known and len(known) == len(counts) else None
 
     def spread(self, name: str) -> Spread | None:
-        """Return a figure over the runs that have it."""
+        """Return the spread of a figure over the runs that have it."""
         return Spread.of([value for row in self.rows if (value := figure(row, name)) is not None])
 
     def rules(self) -> list[str]:
-        """Return the rules that the truth of these runs judges."""
+        """Return the rules that ground truth judges in these runs."""
         named = [rule for row in self.rows for rule in row.violations or {}]
         return [*RULES, *sorted(set(named) - set(RULES))] if named else []
 
     def counts(self, name: str) -> Counter[str]:
-        """Return a table of counts of the results, such as `disengagements`, added up."""
+        """Return the sums of a table of counts, such as `disengagements`, over the results."""
         return sum((Counter(row.result.get(name) or {}) for row in self.rows), Counter())
 
 
 def groups(rows: Iterable[RunRow]) -> list[Group]:
-    """Return runs by part and setting, in the order in which these come first."""
+    """Return runs grouped by part and setting, in the order of first appearance."""
     found: dict[tuple[str, tuple[tuple[str, str], ...]], list[RunRow]] = {}
     for row in rows:
         found.setdefault((row.part, tuple(row.axes.items())), []).append(row)
@@ -112,7 +112,7 @@ def groups(rows: Iterable[RunRow]) -> list[Group]:
 
 
 def judge(campaign: Campaign, store: Store) -> dict[str, list[Judged]]:
-    """Return, by part, what is required of it and whether it holds."""
+    """Return, by part, its requirements and whether they hold."""
     return {name: _judged(campaign, part, [*store.rows(part=name)], store) for name, part in campaign.parts.items()}
 
 

@@ -26,7 +26,7 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class SeedsTable(Table):
-    """Seeds that follow each other.
+    """Consecutive seeds.
 
     Attributes:
         first: the first of them.
@@ -38,13 +38,13 @@ class SeedsTable(Table):
 
 
 class RangeTable(Table):
-    """Where a number is drawn from, or searched for.
+    """A range from which a number is drawn, or that is searched.
 
     Attributes:
-        low: the least.
-        high: the greatest.
-        log: evenly over its logarithm.
-        whole: whole numbers only.
+        low: the least value.
+        high: the greatest value.
+        log: whether to draw evenly over the logarithm.
+        whole: whether to draw whole numbers only.
     """
 
     low: Number
@@ -66,12 +66,12 @@ class RangeTable(Table):
             value = math.exp(math.log(self.low) + part * (math.log(self.high) - math.log(self.low)))
         else:
             value = self.low + part * (self.high - self.low)
-        # A number that can be written is one that a command line can repeat.
+        # Rounded, so that a command line can repeat the number.
         return round(value) if self.whole else float(f"{min(max(value, self.low), self.high):.9g}")
 
 
 def _ranges(tables: object) -> object:
-    """Return nested tables of ranges as ranges by dotted key; for pydantic."""
+    """Validate nested tables of ranges, for pydantic; return ranges by dotted key."""
     return flat(tables, ends=("low", "high")) if isinstance(tables, dict) else tables
 
 
@@ -80,8 +80,8 @@ class SampleTable(Table):
 
     Attributes:
         count: how many times.
-        seed: what is drawn from; a larger count leaves what was drawn before as it was.
-        draw: by key a range, or a list of values.
+        seed: the seed of the draws; a larger count does not change the first draws.
+        draw: by key, a range or a list of values.
     """
 
     count: Count
@@ -104,10 +104,10 @@ class SearchTable(Table):
     Attributes:
         minimise: a figure of the result, such as "min_margin.collision".
         runs: how many runs it may take.
-        over: the ranges that it searches, by key.
-        seed: what the optimiser draws from.
-        below: it ends at the first run in which the figure is below this; None for never.
-        by: CMA-ES; or at random, to be compared with.
+        over: the searched ranges, by key.
+        seed: the optimiser's seed.
+        below: the search ends at the first run in which the figure is below this; None for never.
+        by: CMA-ES, or random for comparison.
     """
 
     minimise: Name
@@ -122,10 +122,10 @@ class SplitTable(Table):
     """Importance splitting: how often the least margin of a rule falls below a value; see `soter.campaign.splitting`.
 
     Attributes:
-        rule: a safety module, or a rule of the user's own.
+        rule: a safety module, or a user's own rule.
         below: the value, in the margin's unit.
-        repetitions: how often all of it is done, independently; the seeds are shared out among them.
-        at_most: what is required of the share of the runs, by the upper end of its interval; None for nothing.
+        repetitions: how many independent estimates are made; the seeds are shared out among them.
+        at_most: the bound on the share of runs, for the upper end of its interval; None for no requirement.
     """
 
     rule: Name
@@ -135,11 +135,11 @@ class SplitTable(Table):
 
 
 Axis = list[Any] | dict[str, dict[str, Any]]
-"""Values of the key that the axis is named after; or by name the settings of several keys."""
+"""Values of the key that the axis is named after; or settings of several keys, by a name."""
 
 
 def _axes(tables: object) -> object:
-    """Refuse an axis named after a dotted key without quotation marks, of which TOML makes tables; for pydantic."""
+    """Refuse an axis named by a dotted key without quotation marks, which TOML reads as tables; for pydantic."""
     for name, values in tables.items() if isinstance(tables, dict) else ():
         for key, value in values.items() if isinstance(values, dict) else ():
             if not isinstance(value, dict):
@@ -151,21 +151,21 @@ class PartTable(Table):
     """Runs that belong together.
 
     Attributes:
-        name: names it.
+        name: name of the part.
         mission: the mission file, relative to the campaign's; or "random", which draws configurations from the seeds.
-        set: values by key, in all its runs; nested tables are read as dotted keys.
+        set: values by key for all its runs; nested tables are read as dotted keys.
         grid: axes, of which every combination is run.
         sample: settings that are drawn; each draw is run with every combination of the grid.
         seeds: each combination is run with each of them.
-        require: what is asked of its runs; see `soter.campaign.conditions`.
-        until: it is ended when this is shown; see there.
-        repeats: the part whose runs these must repeat bit by bit.
+        require: requirements of its runs; see `soter.campaign.conditions`.
+        until: the stopping rule that ends the part; see there.
+        repeats: the part whose runs these must repeat bit for bit.
         search: looks for the worst over declared ranges.
-        split: estimates how often what is rare happens.
-        may_refuse: runs may be refused as ill-formed or not proved.
-        accept_unproved: what cannot be proved is run, as by `soter run --accept-unproved`.
+        split: estimates how often a rare event happens.
+        may_refuse: whether runs may be refused as ill-formed or not proved.
+        accept_unproved: whether to run what cannot be proved, as by `soter run --accept-unproved`.
         limit_s: host time that one run may take.
-        note: what its table says of it.
+        note: a note for its table in reports.
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")]
@@ -185,7 +185,7 @@ class PartTable(Table):
     note: str = ""
 
     def rows(self) -> Iterator[tuple[dict[str, str], Settings]]:
-        """Yield the names on all axes, and the settings, of every run but for its seed."""
+        """Yield the axes' values and the settings of every run, without the seed."""
         axes = {name: [*_axis(name, values)] for name, values in self.grid.items()}
         if self.sample is not None:
             axes["sample"] = [*self.sample.rows()]
@@ -206,8 +206,8 @@ class CampaignTable(Table):
     """A campaign file.
 
     Attributes:
-        title: of its pages.
-        part: its parts. What stands beside them (`mission`, `set`, `seeds`, ...) are their defaults.
+        title: title of its pages.
+        part: its parts. Keys beside them (`mission`, `set`, `seeds`, ...) are their defaults.
     """
 
     title: str = ""
@@ -215,10 +215,10 @@ class CampaignTable(Table):
 
 
 def flat(tables: Mapping[str, Any], above: str = "", ends: Collection[str] = ()) -> Settings:
-    """Return nested tables as dotted keys; a table that is empty, or has one of the keys `ends`, is a value."""
+    """Return nested tables as dotted keys; an empty table, or one with a key in `ends`, is a value."""
     found: Settings = {}
     for key, value in tables.items():
-        # Keys of the outermost table may be dotted ones already.
+        # Keys of the outermost table may already be dotted.
         name = f"{above}.{_quoted(key)}" if above else key
         is_table = isinstance(value, dict) and value and not value.keys() & ends
         found |= flat(value, name, ends) if is_table else {name: value}

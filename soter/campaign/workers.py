@@ -11,11 +11,11 @@ from soter.campaign.job import Done, Job, begin, work
 
 
 class Workers(Protocol):
-    """Whoever carries out runs. A context manager: its end ends them.
+    """Carries out runs in other processes. A context manager, which ends these.
 
     Attributes:
-        count: how many runs at a time are worth handing over.
-        died: what a future raises when its worker has died.
+        count: how many runs to submit at a time.
+        died: the exception that a future raises when its worker has died.
     """
 
     count: int
@@ -32,14 +32,14 @@ class Workers(Protocol):
 class LocalWorkers:
     """Worker processes of this host; `Workers`.
 
-    Every worker is a pool of its own: when a process dies, it is known which run it died of, and no other is lost.
+    Every worker is a pool of its own, so that a process that dies shows which run it died of, and takes no other along.
     """
 
     died: tuple[type[BaseException], ...] = (BrokenProcessPool,)
 
     def __init__(self, count: int) -> None:
         self.count = count
-        # Not fork: numeric libraries have threads.
+        # Not fork, since numeric libraries have threads.
         self._context: Final = multiprocessing.get_context("spawn")
         self._stop: Final = self._context.Event()
         self._pools: list[ProcessPoolExecutor] = []

@@ -1,1 +1,1 @@
-"""Draws configurations over everything that a mission file can say, runs them, judges them, shrinks what fails."""
+"""Draws configurations over all keys of mission files, runs and judges them, and shrinks those that fail."""

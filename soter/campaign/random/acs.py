@@ -1,4 +1,4 @@
-"""Draws who the advanced controllers are, and what they are told."""
+"""Draws advanced controllers and their options."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PLACES: Final = 10
 
 
 def draw_ac(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta, nasty: bool) -> Tables:
-    """Return the keys of a mission that say who drives, where to, and with which planner."""
+    """Return the keys of a mission for the AC, its targets and its planner."""
     chance = rng.random()
     if chance < 0.45:
         return _mission(rng)
@@ -30,7 +30,7 @@ def draw_ac(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta, nasty: boo
         places, stay_s = _places(rng, room, figures, rta), round(rng.choice((0.0, rng.uniform(0.0, 400.0))), 1)
         visit: dict[str, Any] = {"places": places, "stay_s": stay_s}
         if len(room.robots) > 1 and rng.random() < 0.4:
-            # One stands where another has to charge.
+            # One robot parks where another has to charge.
             parked, owner = rng.sample(range(len(room.robots)), 2)
             at = [round(value, 4) for value in room.stations[owner].centre]
             visit["parked"] = {str(room.robots[parked].id): at}
@@ -57,7 +57,7 @@ def _mission(rng: Random) -> Tables:
         tables["ac"] = "mission"
     if rng.random() < 0.4:
         tables["target_timeout_s"] = round(rng.uniform(20.0, 300.0), 1)
-    # Quick ones, in this process; now and then one that looks around boxes, in a process of its own.
+    # Mostly a quick one in this process; now and then one that plans around boxes, in a process of its own.
     tables["planner"] = "ompl-rrtconnect" if rng.random() < 0.05 else "straight-line"
     if rng.random() < 0.3 or tables["planner"] != "straight-line":
         options: dict[str, Any] = {"clearance_m": round(rng.uniform(0.0, 0.3), 3)}
@@ -68,7 +68,7 @@ def _mission(rng: Random) -> Tables:
 
 
 def _places(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta) -> list[list[float]]:
-    """Return a chain of places, each in sight of the one before: stations of others, or as far in as an AC may be."""
+    """Return places, each in sight of the one before: others' stations, or the far ends that an AC may get to."""
     if rng.random() < 0.35:
         centres = [[round(value, 4) for value in station.centre] for station in room.stations]
         rng.shuffle(centres)
@@ -84,7 +84,7 @@ def _places(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta) -> list[li
         tried = [(rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)) for _ in range(40)]
         seen = [at for at in tried if allowed.covers(Point(at)) and allowed.covers(LineString([chain[-1], at]))]
         if seen:
-            # Away from where it has been: down corridors and into corners.
+            # Away from the places before: down corridors and into corners.
             chain.append(max(seen, key=lambda at: min(math.dist(at, other) for other in chain)))
     return [[round(x, 3), round(y, 3)] for x, y in chain]
 
@@ -96,7 +96,7 @@ _OPTIONS: Final[dict[str, Callable[[Random], dict[str, Any]]]] = {
     },
     "chase": lambda rng: {"dart": round(rng.random(), 2), "reverse_m": round(rng.uniform(0.05, 1.0), 2)},
     "pincer": lambda rng: {"turn_s": round(rng.uniform(5.0, 300.0), 1)},
-    # Its cost grows with every sequence; a few do.
+    # The cost grows with every sequence; a few suffice.
     "search": lambda rng: {
         "candidates": rng.randint(2, 12), "ahead_s": round(rng.uniform(1.0, 4.0), 1),
         "wait_s": round(rng.uniform(0.1, 1.0), 2),
@@ -104,4 +104,4 @@ _OPTIONS: Final[dict[str, Callable[[Random], dict[str, Any]]]] = {
     # Without threads, so that runs repeat; few enough to be quick.
     "flood": lambda rng: {"commands": rng.randint(1, 20), "threads": 0},
 }  # fmt: skip
-"""By adversary: its own options, where it has any; `flood` and `search` always, the others as they come."""
+"""By adversary: its own options, if it has any; always given for `flood` and `search`, now and then for others."""

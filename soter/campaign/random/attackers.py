@@ -1,4 +1,4 @@
-"""What a user brings: an advanced controller that stands where it hurts, and modules with rules of their own."""
+"""User-made parts of drawn configurations: an AC that stands in others' way, and modules with rules of their own."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Place = Annotated[tuple[float, float], Field(strict=False)]
 
 
 class VisitOptions(AdversaryOptions):
-    """Where to go.
+    """Options of `Visit`.
 
     Attributes:
-        places: metres east and north, in the order in which they are visited, forth and back.
+        places: metres east and north, in the order in which they are visited, back and forth.
         stay_s: how long a robot stays at each.
-        parked: by robot id, a place of its own that it drives to and stays at for good.
+        parked: by robot id, a place of the robot's own to drive to and stay at for good.
     """
 
     places: Annotated[tuple[Place, ...], Field(strict=False, min_length=1)]
@@ -35,13 +35,13 @@ class VisitOptions(AdversaryOptions):
 
 
 class Visit(Adversary):
-    """Every robot visits the same places, forth and back, each beginning at another one: stations, gaps, far ends."""
+    """Every robot visits the same places, back and forth, each beginning at another one: stations, gaps, far ends."""
 
     Options = VisitOptions
     options: VisitOptions
 
     def act(self, now_s: float, tick: int) -> None:
-        """Send robots on that have arrived and stayed for long enough."""
+        """Send robots on that have stayed for long enough."""
         places = self.options.places
         order = [*range(len(places)), *range(len(places) - 2, 0, -1)]
         if tick == 0:
@@ -71,11 +71,11 @@ class _Options(BaseModel):
 
 
 class FarOptions(_Options):
-    """How far apart robots stay.
+    """Options of `declare_far`.
 
     Attributes:
-        far_m: phi_safe, between centres.
-        spare_m: how much more phi_safer asks for.
+        far_m: phi_safe: the least distance between centres.
+        spare_m: how much more phi_safer requires.
     """
 
     far_m: float
@@ -106,13 +106,13 @@ def declare_far(kit: ModuleKit, options: FarOptions) -> RTAModule:
 
 
 class KeepOutOptions(_Options):
-    """A disc that robots stay out of.
+    """Options of `declare_keep_out`: a disc.
 
     Attributes:
-        x_m: its middle, east.
-        y_m: the same, north.
-        radius_m: phi_safe.
-        spare_m: how much more phi_safer asks for.
+        x_m: its centre, east.
+        y_m: its centre, north.
+        radius_m: phi_safe: the disc's radius.
+        spare_m: how much more phi_safer requires.
     """
 
     x_m: float

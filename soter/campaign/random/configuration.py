@@ -1,4 +1,4 @@
-"""A configuration: the tables of a mission file and the room that it names; to and from a folder."""
+"""A configuration: the tables of a mission file and the room that it names; written to and read from a folder."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Tables = dict[str, Any]
 
 @dataclass(frozen=True)
 class Configuration:
-    """What one run is made from.
+    """The input of one run.
 
     Attributes:
         tables: the mission file, without `workspace`.
@@ -28,11 +28,11 @@ class Configuration:
     room: DrawnRoom
 
     def write(self, folder: Path, note: str = "") -> Path:
-        """Write both files into a folder, which is made; return the mission file.
+        """Write both files into a folder, which is created; return the mission file.
 
         Args:
-            folder: where.
-            note: goes to the top of the mission file, as a comment.
+            folder: the folder.
+            note: a comment for the top of the mission file.
         """
         folder.mkdir(parents=True, exist_ok=True)
         workspace = self.room.write(folder)

@@ -1,4 +1,4 @@
-"""From a seed to a configuration: a mission and its room, over everything that a mission file can say."""
+"""Draws a configuration from a seed: a mission and its room, over all keys of mission files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from soter.campaign.random.modules import draw_rta
 from soter.campaign.random.places import STATION_M, Needs, furnish
 
 NASTY: Final = 0.45
-"""Part of the configurations that are drawn at the edges of what is valid."""
+"""Share of the configurations that are drawn at the edges of what is valid."""
 
 DURATION_S: Final = (600.0, 1200.0)
 MOST_ROBOTS: Final = 10
@@ -38,7 +38,7 @@ def draw(seed: int, engine: str = "kinematic") -> Configuration:
 
     Args:
         seed: any whole number.
-        engine: of the backend `pybullet`; with `kinematic` most missions name the backend of that name.
+        engine: engine of the backend `pybullet`; with `kinematic`, most missions use the backend `kinematic`.
     """
     rng = Random(f"configuration {seed}")
     nasty = rng.random() < NASTY
@@ -49,7 +49,7 @@ def draw(seed: int, engine: str = "kinematic") -> Configuration:
 
 
 def _drawn(rng: Random, nasty: bool, engine: str) -> Configuration | None:
-    """Return a configuration, or None where no robot fits into the room that was drawn."""
+    """Return a configuration, or None if no robot fits into the drawn room."""
     tables: Tables = {"seed": rng.randrange(2**31), "duration_s": round(rng.uniform(*DURATION_S), 1)}
     fleet = draw_fleet(rng, nasty, engine)
     tables.update(fleet.tables)
@@ -96,7 +96,7 @@ def _drawn(rng: Random, nasty: bool, engine: str) -> Configuration | None:
 
 
 def _odd_ticks(fleet: DrawnFleet) -> list[float]:
-    """Return unusual base ticks that the robots can be driven with: in none a lease ends, or a sample is too old."""
+    """Return unusual base ticks that suit the robots: short enough for their leases and the age of samples."""
     promises = fleet.promises((), MOST_ROBOTS, PERIOD_S)
     most_s, age_s = min(each.lease_s for each in promises), min(each.sample_age_s for each in promises)
     periods = [round(tick_s / PERIOD_S, 6) for tick_s in _ODD_TICKS]
@@ -108,20 +108,20 @@ def _odd_ticks(fleet: DrawnFleet) -> list[float]:
 
 
 def _room_for(floor: Floor, nasty: bool) -> int:
-    """Return about how many robots there is room for."""
+    """Return about how many robots the floor has room for."""
     boxes = sum(shapely.Polygon(box).area for box in floor.boxes)
     return max(1, int((floor.inside.area - boxes) / (0.6 if nasty else 1.2)))
 
 
 def _battery(rng: Random, floor: Floor, figures: Figures, module: Tables, ids: Sequence[int], nasty: bool) -> Tables:
-    """Return the batteries, and put into the battery's module what they ask for."""
+    """Return the batteries, and complete the table of the battery's module for them."""
     reserve = rng.uniform(1.0, 10.0) if nasty else rng.uniform(2.5, 6.0)
     if rng.random() < 0.3:
         reserve = 4.0
     else:
         reserve = module["reserve_factor"] = round(reserve, 2)
     drive_s = math.exp(rng.uniform(math.log(200.0), math.log(3600.0)))
-    # What has to be in the battery before the AC may have the robot: the way home, its jump, and the reserve.
+    # Charge that the AC needs to get control: for the return path, its jump, and the reserve.
     needed_s = (reserve + 2.0) * floor.longest_m / figures.slowest_m_s
     part = rng.uniform(0.3, 0.9) if nasty else rng.uniform(0.15, 0.7)
     table: Tables = {}
@@ -137,7 +137,7 @@ def _battery(rng: Random, floor: Floor, figures: Figures, module: Tables, ids: S
     if rng.random() < 0.7:
         table["charge_s"] = round(math.exp(rng.uniform(math.log(20.0), math.log(1800.0 if nasty else 600.0))), 1)
     if rng.random() < 0.5:
-        # Some begin with hardly more than the way home asks for, and several have to charge at the same time.
+        # Some robots begin with hardly more than the return path costs, and several have to charge at once.
         low = min(0.9, needed * (0.6 if nasty else 0.9) + 0.02)
         high = low + (1.0 - low) * rng.choice((0.1, 0.4, 1.0))
         chosen = [robot_id for robot_id in ids if rng.random() < 0.8]

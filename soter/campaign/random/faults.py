@@ -9,14 +9,14 @@ from typing import Any, Final
 Table = dict[str, Any]
 
 KILLED_S: Final = 30.0
-"""A robot is dead for so long at most: nothing pays for one that lies flat on its way for ever."""
+"""Longest time for which a robot is dead: no promise can cover one whose battery runs out on its way."""
 
 
 def draw_faults(rng: Random, ids: Sequence[int], nasty: bool) -> list[Table]:
     """Return up to three faults; half of the draws have two or more."""
     count = rng.choices((0, 1, 2, 3), (0.25, 0.25, 0.3, 0.2))[0]
     kinds = rng.sample([*KINDS], count) if rng.random() < 0.8 else rng.choices([*KINDS], k=count)
-    # Where several add up, each is smaller, or nothing would be left of what modules can pay for.
+    # Several faults add up, so that each must be smaller for modules to cover them all.
     scale = (1.0 if nasty else 0.6) / max(1, count)
     return [_with_times(rng, kind, KINDS[kind](rng, scale), ids) for kind in kinds]
 
@@ -92,7 +92,7 @@ def _battery(rng: Random, scale: float) -> Table:
 
 
 def _wheel_slip(rng: Random, scale: float) -> Table:
-    # Mostly little, and now and then so much that the way home takes several times as long.
+    # Mostly little, and now and then so much that the return path takes several times as long.
     left = round(0.99 - 0.85 * scale * rng.random() ** 2, 3)
     right = round(min(1.0, left + rng.uniform(-0.05, 0.05) * min(1.0, scale)), 3)
     return {"left": left, "right": right} if rng.random() < 0.8 else {"left": round(rng.uniform(0.95, 0.99), 3)}
@@ -104,7 +104,7 @@ def _weak_brakes(rng: Random, scale: float) -> Table:
 
 def _kill(rng: Random, _scale: float) -> Table:
     lasts_s = round(rng.uniform(1.0, KILLED_S), 1)
-    # A robot that is dead before it is ready is no robot.
+    # Not before the robot is ready.
     return {
         "start_s": round(rng.uniform(1.0, 300.0), 1),
         "duration_s": lasts_s,
@@ -133,4 +133,4 @@ KINDS: Final[dict[str, Callable[[Random, float], Table]]] = {
     "weak_brakes": _weak_brakes,
     "kill": _kill,
 }
-"""By kind: its own parameters, from the random numbers and how much of its range may be used."""
+"""By kind: draws the kind's own parameters, given the random numbers and the share of its range to use."""

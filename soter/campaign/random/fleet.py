@@ -1,4 +1,4 @@
-"""Draws what robots promise: slow and fast, small and large ones, alike or not."""
+"""Draws robots' promises: slow and fast, small and large robots, alike or not."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from soter.registry import load_backend
 from soter.sdk import Capabilities
 
 MOST_TIMES: Final = 8.0
-"""How much larger rooms may be for large or fast robots."""
+"""Largest factor by which rooms are enlarged for large or fast robots."""
 
 _UNLIKE: Final = range(1, 5)
 
 
 @dataclass(frozen=True)
 class DrawnFleet:
-    """What the robots of a mission promise.
+    """The promises of a mission's robots.
 
     Attributes:
-        tables: the keys of the mission file that say what backend there is, and what all robots promise.
-        unlike: by id, what a robot promises in place of that.
+        tables: the keys of the mission file for the backend and the promises of all robots.
+        unlike: by id, promises of single robots, which override those.
     """
 
     tables: Tables
@@ -45,7 +45,7 @@ class DrawnFleet:
         return found
 
     def room(self, rng: Random) -> float:
-        """Return how many times as large rooms are for them as for TurtleBots."""
+        """Return the factor by which rooms are larger than for TurtleBots."""
         times = 1.0
         for each in (self.options.get("promise", {}), *self.unlike.values()):
             top_m_s, brake_m_s2 = each.get("v_max_m_s", 0.22), each.get("brake_m_s2", 1.0)
@@ -54,7 +54,7 @@ class DrawnFleet:
         return rng.uniform(max(1.0, 0.6 * times), times)
 
     def promises(self, faults: Sequence[dict[str, Any]], robots: int, tick_s: float) -> list[Capabilities]:
-        """Return what so many robots promise under their faults."""
+        """Return the promises of `robots` robots under their faults."""
         backend = load_backend(self.tables["backend"], to_open=False)
         nowhere, options = Workspace(1.0, 1.0, (), ()), self.options
         found = []
@@ -72,11 +72,11 @@ class DrawnFleet:
 
 
 def draw_fleet(rng: Random, nasty: bool, engine: str) -> DrawnFleet:
-    """Return what robots promise: a third are as the backend has them, the others alike, or not, or both.
+    """Return robots' promises: for a third the backend's defaults, for others common or single ones, or both.
 
     Args:
-        rng: where from.
-        nasty: at the edges of what is valid.
+        rng: the random numbers.
+        nasty: whether to draw at the edges of what is valid.
         engine: see `soter.campaign.random.drawing.draw`.
     """
     chance = rng.random()
@@ -92,7 +92,7 @@ def draw_fleet(rng: Random, nasty: bool, engine: str) -> DrawnFleet:
 
 
 def _robot(rng: Random, nasty: bool, common: Tables) -> Tables:
-    """Return some of what a robot may promise; the rest is as in `common`, or as the backend has it."""
+    """Return some promises of a robot; the others are those in `common`, or the backend's defaults."""
     scale = 1.0 if nasty else 0.5
     slow = rng.random() < 0.5
     figures = {

@@ -16,7 +16,7 @@ from soter.campaign.random.room import Patch, Ring
 LEAST_M: Final = 1.0
 MOST_M: Final = 12.0
 WALL_M: Final = (0.08, 0.4)
-"""How thick walls are."""
+"""Least and largest thickness of walls."""
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,11 @@ class Floor:
     """A room without robots.
 
     Attributes:
-        style: how it was drawn.
-        width: how long it is one way, in metres.
-        depth: how long it is the other way.
-        fence: around it.
-        boxes: what is kept out.
+        style: the style that it was drawn in.
+        width: its length along x before it is turned, in metres.
+        depth: its length along y before it is turned, in metres.
+        fence: the fence around it.
+        boxes: the boxes in it.
     """
 
     style: str
@@ -39,24 +39,24 @@ class Floor:
 
     @property
     def inside(self) -> shapely.Polygon:
-        """What is inside of the fence."""
+        """The area inside the fence."""
         return shapely.Polygon(self.fence)
 
     @property
     def wide_m(self) -> float:
-        """The diameter of the largest disc that fits into it, beside the boxes."""
+        """The diameter of the largest disc that fits between fence and boxes."""
         free = self.inside.difference(shapely.union_all([shapely.Polygon(box) for box in self.boxes]))
         return 2.0 * float(shapely.maximum_inscribed_circle(free, 0.01).length)
 
     @property
     def longest_m(self) -> float:
-        """About how long the longest way through it is."""
+        """The approximate length of the longest way through the room."""
         if self.style == "serpentine":
             return (len(self.boxes) + 2) * max(self.width, self.depth)
         return (2.0 if self.boxes or len(self.fence) != 4 else 1.0) * (self.width + self.depth)
 
     def scaled(self, times: float) -> Floor:
-        """Return the same room so many times as large."""
+        """Return the same room enlarged by a factor."""
 
         def larger(ring: Ring) -> Ring:
             return tuple((round(x * times, 3), round(y * times, 3)) for x, y in ring)
@@ -66,9 +66,9 @@ class Floor:
         )
 
     def reshaped(self, rng: Random) -> Floor:
-        """Return the room with another outline, other boxes, turned, and somewhere else.
+        """Return the room with another outline and other boxes, turned and moved.
 
-        Boxes that stand at the fence become notches in it; corners of it and of boxes are cut.
+        Boxes at the fence become notches in it; corners of the fence and of boxes are cut.
         """
         boxes = [shapely.Polygon(box) for box in self.boxes]
         inside = self.inside
@@ -94,7 +94,7 @@ class Floor:
 
 
 def draw_floor(rng: Random, nasty: bool) -> Floor:
-    """Return a room of 1 to 12 m, turned and mirrored as it comes."""
+    """Return a room of 1 to 12 m, randomly turned and mirrored."""
     width = math.exp(rng.uniform(math.log(LEAST_M), math.log(MOST_M)))
     if not nasty:
         width = max(width, rng.uniform(1.3, 3.0))
@@ -113,20 +113,20 @@ def draw_floor(rng: Random, nasty: bool) -> Floor:
 
 
 def _cut(polygon: shapely.Polygon, corner: tuple[float, float], reach_m: float) -> shapely.Polygon:
-    """Return a polygon without what is near one of its corners, as far as that leaves one piece of it."""
+    """Return a polygon with one corner cut off, if that leaves a single piece."""
     left = polygon.difference(shapely.Point(corner).buffer(reach_m, quad_segs=1))
     return left if isinstance(left, shapely.Polygon) and left.area > 0.5 * polygon.area else polygon
 
 
 def _ring(polygon: shapely.Polygon) -> Ring:
-    """Return the corners of a polygon, to the millimetre, without such as stand on a straight line."""
+    """Return the corners of a polygon, rounded to millimetres, without those on a straight line."""
     corners = shapely.orient_polygons(polygon.simplify(1e-4)).exterior.coords[:-1]
-    # Corners a millimetre apart may be one and the same then.
+    # Corners a millimetre apart may be the same after rounding.
     return tuple(dict.fromkeys((round(x, 3), round(y, 3)) for x, y in corners))
 
 
 def _kept(box: Patch, width: float, depth: float) -> Patch:
-    """Return what of a box is in the room, to the millimetre."""
+    """Return the part of a box inside the room, rounded to millimetres."""
     return Patch(
         round(max(0.0, box.low_x), 3), round(max(0.0, box.low_y), 3),
         round(min(width, box.high_x), 3), round(min(depth, box.high_y), 3),
@@ -139,7 +139,7 @@ def _solid(box: Patch, width: float, depth: float) -> bool:
 
 
 def _gap(rng: Random, nasty: bool) -> float:
-    """Return how wide a way is: comfortable, or about as wide as a robot and what it keeps off boxes."""
+    """Return the width of a gap: comfortable, or hardly more than a robot and its clearance from boxes."""
     if nasty:
         return rng.choice((rng.uniform(0.22, 1.0), rng.uniform(0.3, 0.6)))
     return rng.uniform(0.6, 1.6)
@@ -188,7 +188,7 @@ def _wall_with_door(rng: Random, at: float, thick: float, low: float, high: floa
 
 
 def _l_shape(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
-    """A bay, a corridor out of it, and a turn."""
+    """Return a bay, a corridor out of it, and a turn."""
     gap, bay = min(_gap(rng, nasty), 0.3 * min(width, depth)), rng.uniform(0.3, 0.45) * width
     low = rng.uniform(0.0, 0.3) * depth
     right = width - rng.uniform(0.0, 0.15) * width
@@ -200,7 +200,7 @@ def _l_shape(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch
 
 
 def _gaps(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
-    """A row of boxes with ways between them."""
+    """Return a row of boxes with gaps between them."""
     low, high = sorted((rng.uniform(0.1, 0.5) * depth, rng.uniform(0.5, 0.9) * depth))
     found: list[Patch] = []
     x = rng.uniform(0.0, 0.3) * width
@@ -212,7 +212,7 @@ def _gaps(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
 
 
 def _rooms(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
-    """Rooms in a row, some of them cut in two, joined by doors."""
+    """Return walls for rooms in a row, some of them cut in two, joined by doors."""
     count = rng.randint(2, 3)
     found = []
     for index in range(1, count):
@@ -227,7 +227,7 @@ def _rooms(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
 
 
 def _serpentine(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
-    """Lanes beside each other, joined at one end and at the other in turns."""
+    """Return walls for parallel lanes, joined at alternating ends."""
     gap, thick = min(_gap(rng, nasty), 0.4 * depth), rng.uniform(*WALL_M)
     count = min(int(width / (gap + thick)), rng.randint(2, 16))
     walls = [index * (gap + thick) + gap for index in range(max(1, count))]
@@ -238,7 +238,7 @@ def _serpentine(rng: Random, width: float, depth: float, nasty: bool) -> list[Pa
 
 
 def _bays(rng: Random, width: float, depth: float, nasty: bool) -> list[Patch]:
-    """Bays beside each other, as to park in, with a lane along them."""
+    """Return walls for parallel bays, as for parking, with a lane along them."""
     gap, thick = _gap(rng, nasty), rng.uniform(*WALL_M)
     deep = rng.uniform(0.3, 0.7) * depth
     return [
@@ -261,4 +261,4 @@ STYLES: Final[dict[str, tuple[float, Boxes]]] = {
     "serpentine": (1.8, _serpentine),
     "bays": (1.8, _bays),
 }
-"""By style: how many metres a room needs for it at least, and its boxes."""
+"""By style: the least size of a room in metres, and the function that draws its boxes."""

@@ -1,7 +1,7 @@
-"""A judge of its own: shapely on true poses. Shares no geometry with the stack or with the simulator's judge.
+"""The second judge: shapely on true poses. Shares no geometry with the stack or with the simulator's judge.
 
-A robot moves straight from one noted pose to the next, so that what is judged is every such piece of its way, and of
-two robots the way of one as the other sees it.
+A robot is assumed to move straight from one recorded pose to the next. Every such piece of its way is judged, and for
+two robots every piece of their relative way.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from numpy.typing import NDArray
 from soter.campaign.random.room import DrawnRoom, Patch
 
 EXACT_M: Final = 1e-6
-"""A robot may be beyond a distance by rounding."""
+"""Tolerance of distances, for rounding."""
 
 Series = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class PromisedLimits:
-    """What a mission promises.
+    """The limits that a mission promises to keep.
 
     Attributes:
-        rules: those whose modules are on.
-        radius_m: of each robot's body, by its id.
+        rules: the rules whose modules are on.
+        radius_m: body radius of each robot, by its id.
         obstacle_m: phi_safe of the obstacle module.
         separation_m: phi_safe of the collision module.
-        far_m: least distance of a user's rule, by its name.
-        keep_out: x, y and radius of a disc that a user's rule keeps centres out of, by its name.
+        far_m: by name of a user's rule, its least distance of robots.
+        keep_out: by name of a user's rule, x, y and radius of the disc that it keeps centres out of.
     """
 
     rules: tuple[str, ...]
@@ -44,7 +44,7 @@ class PromisedLimits:
 
     @classmethod
     def of(cls, rta: Mapping[str, Any], radius_m: Mapping[int, float]) -> PromisedLimits:
-        """Return what `[rta]` promises, written out with its defaults."""
+        """Return the limits in `[rta]`, given with its defaults."""
         if not rta["enabled"]:
             return cls((), radius_m, 0.0, 0.0, {}, {})
         own = {name: table for name, table in rta.get("module", {}).items() if table.get("enabled", True)}
@@ -65,7 +65,7 @@ class PromisedLimits:
 
 @dataclass(frozen=True)
 class RuleBreach:
-    """One interval in which a rule was broken: by which robots, from when on in seconds, and the worst margin."""
+    """One interval in which a rule was broken: rule, robots, start in seconds, and the worst margin."""
 
     rule: str
     robots: tuple[int, ...]
@@ -76,7 +76,7 @@ class RuleBreach:
 
 @dataclass(frozen=True)
 class Ways:
-    """What a witness saw: times in seconds; by time and robot metres east, metres north, charge from 0 to 1."""
+    """Ways seen by a witness: times in seconds; by time and robot, metres east, metres north, charge from 0 to 1."""
 
     ids: tuple[int, ...]
     times: Series
@@ -85,7 +85,7 @@ class Ways:
     charge: Series
 
     def on_station(self, stations: Collection[Patch]) -> NDArray[np.bool_]:
-        """Return by time and robot whether its centre is on a station."""
+        """Return, by time and robot, whether the robot's centre is on a station."""
         area = shapely.union_all([shapely.Polygon(station.ring) for station in stations]).buffer(1e-9)
         shapely.prepare(area)
         return np.asarray(shapely.intersects_xy(area, self.x, self.y))
@@ -123,7 +123,7 @@ def _pair(limits: PromisedLimits, ways: Ways, first: int, second: int) -> Iterat
     dx, dy = ways.x[:, second] - ways.x[:, first], ways.y[:, second] - ways.y[:, first]
     here = shapely.Point(0.0, 0.0)
     if "collision" in limits.rules:
-        # Bodies that overlap are in collision, whatever the mission says of centres.
+        # Bodies that overlap collide, whatever distance of centres the mission allows.
         bodies_m = limits.radius_m[ways.ids[first]] + limits.radius_m[ways.ids[second]]
         yield "collision", _apart(here, dx, dy, max(limits.separation_m, bodies_m)) + EXACT_M
     for name, far_m in limits.far_m.items():
@@ -131,10 +131,10 @@ def _pair(limits: PromisedLimits, ways: Ways, first: int, second: int) -> Iterat
 
 
 def _apart(of: Any, x: Series, y: Series, least_m: float) -> Series:
-    """Return by how much more than `least_m` every piece of a way keeps from something."""
+    """Return the distance of every piece of a way from a geometry, less `least_m`."""
     shapely.prepare(of)
     margins: Series = shapely.distance(of, shapely.points(x, y)) - least_m
-    # No point of a piece is nearer than the nearer of its ends by more than half of its length.
+    # No point of a piece is nearer than its nearer end by more than half of its length.
     halves = np.hypot(np.diff(x), np.diff(y)) / 2.0
     near = np.flatnonzero(np.minimum(margins[:-1], margins[1:]) < halves + EXACT_M)
     if near.size:

@@ -1,4 +1,4 @@
-"""Draws `[rta]`: what the safety modules promise, as far as robots and room can carry it."""
+"""Draws `[rta]`: settings of the safety modules that suit the robots and the room."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ KEEP_OUT: Final = "soter.campaign.random.attackers:declare_keep_out"
 
 @dataclass
 class Rta:
-    """The table, and what places and batteries need to know of it.
+    """The table `[rta]`, and its figures that places and batteries depend on.
 
     Attributes:
         table: `[rta]`.
-        battery: `[rta.battery]`, which is completed with the batteries.
+        battery: `[rta.battery]`, which is completed when the batteries are drawn.
     """
 
     table: Tables = field(default_factory=dict)
@@ -52,7 +52,7 @@ class Rta:
             low_x, low_y, high_x, high_y = room.inside.bounds
             at = rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)
             if not nasty:
-                # Somewhere away from starts and stations; its radius stops short of them.
+                # Away from starts and stations, which the disc must not reach.
                 at = max(
                     ((rng.uniform(low_x, high_x), rng.uniform(low_y, high_y)) for _ in range(20)),
                     key=lambda place: _nearest_m(place, room),
@@ -75,7 +75,7 @@ def _nearest_m(place: tuple[float, float], room: DrawnRoom) -> float:
 
 
 def draw_rta(rng: Random, floor: Floor, figures: Figures, nasty: bool) -> Rta:
-    """Return what the modules promise. Ordinary draws are well-formed by this program's reading of the conditions."""
+    """Return the modules' settings. Ordinary draws are well-formed by the conditions in `figures`."""
     found = Rta()
     table, tick_s = found.table, figures.tick_s
     if rng.random() < 0.06:
@@ -109,7 +109,7 @@ def draw_rta(rng: Random, floor: Floor, figures: Figures, nasty: bool) -> Rta:
 
 
 def _slack(rng: Random, nasty: bool) -> float:
-    """Return how much more than needed is given; nasty ones are at the edge, on either side of it."""
+    """Return the factor on a needed figure; for nasty draws it is close to 1, on either side."""
     return rng.uniform(0.98, 1.3) if nasty else rng.uniform(1.02, 1.8)
 
 
@@ -133,7 +133,7 @@ def _collision(rng: Random, found: Rta, figures: Figures, nasty: bool) -> None:
         found.table["collision"] = {"delta_s": delta_s, "phi_safe_m": safe_m, "phi_safer_m": safer_m}
     found.collision_safer_m = safer_m
     found.apart_m = safer_m + 0.002
-    # Two robots that pass each other under their safe controllers, or one that passes a robot at its station.
+    # For two robots that pass each other under their safe controllers, or one that passes another at its station.
     found.passing_m = safer_m + 2.0 * figures.reach_m(delta_s) + 0.05
 
 
@@ -156,12 +156,12 @@ def _geofence(rng: Random, found: Rta, floor: Floor, figures: Figures, nasty: bo
     if rng.random() > 0.3 or not fits:
         delta_s = _ticks(rng, figures.tick_s, 0.5)
         if not nasty:
-            # In a small room the fence has to be looked at more often.
+            # A small room needs a shorter Delta for the fence.
             while delta_s > figures.tick_s and figures.spare_m(delta_s) > 0.2 * least_m:
                 delta_s = round(delta_s - figures.tick_s, 6)
         inset_m = _up(figures.spare_m(delta_s) * _slack(rng, nasty))
         if nasty and rng.random() < 0.3:
-            # Next to nothing is left inside.
+            # Almost no area is left inside.
             inset_m = max(inset_m, round(rng.uniform(0.4, 0.499) * least_m, 3))
         if not nasty:
             inset_m = max(_up(figures.spare_m(delta_s)), min(inset_m, round(0.3 * least_m, 3)))
@@ -170,7 +170,7 @@ def _geofence(rng: Random, found: Rta, floor: Floor, figures: Figures, nasty: bo
 
 
 def _ticks(rng: Random, tick_s: float, most_s: float) -> float:
-    """Return a period of whole ticks."""
+    """Return a random period of whole ticks."""
     return round(rng.randint(1, max(1, int(most_s / tick_s + 1e-6))) * tick_s, 6)
 
 

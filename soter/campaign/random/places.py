@@ -1,4 +1,4 @@
-"""Puts robots and charging stations into a room, where they can stand and get to each other."""
+"""Places robots and charging stations in a room so that robots can reach their stations."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ STATION_M: Final = (0.1, 0.5)
 
 @dataclass(frozen=True)
 class Needs:
-    """What places have to keep, in metres.
+    """The least distances of places, in metres.
 
     Attributes:
-        fence: of the fence: centres of stations, and ways home.
-        boxes: of boxes: centres of robots on their ways home.
-        spot: of boxes: centres of starts and stations.
-        apart: of each other: starts, and stations.
-        passing: of a robot that stands on its station: centres of those that pass it.
-        station: width of a station, at least.
+        fence: from the fence to centres of stations, and to return paths.
+        boxes: from boxes to centres of robots on their return paths.
+        spot: from boxes to centres of starts and stations.
+        apart: between starts, and between stations.
+        passing: from a robot on its station to the centre of one that passes.
+        station: least width of a station.
     """
 
     fence: float
@@ -42,9 +42,9 @@ class Needs:
 
 
 def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) -> DrawnRoom | None:
-    """Return the room with at most so many robots and as many stations, at least one; None if none fits.
+    """Return the room with 1 to `count` robots and as many stations; None if none fits.
 
-    Ordinary rooms let every robot reach its station while all others stand on theirs; nasty ones need not.
+    In ordinary rooms every robot can reach its station while all others stand on theirs; in nasty ones maybe not.
     """
     ways = _largest(_free(floor, needs.fence, needs.boxes))
     spots = ways.intersection(_free(floor, needs.fence, needs.spot))
@@ -76,7 +76,7 @@ def furnish(rng: Random, floor: Floor, count: int, needs: Needs, nasty: bool) ->
 
 
 def _free(floor: Floor, fence: float, boxes: float) -> BaseGeometry:
-    """Return where a centre may be."""
+    """Return the area that centres may be in."""
     kept_out = [shapely.Polygon(box).buffer(boxes) for box in floor.boxes]
     return floor.inside.buffer(-fence, join_style="mitre").difference(shapely.union_all(kept_out))
 
@@ -92,7 +92,7 @@ def _spot(
     apart: float,
     score: Callable[[tuple[float, float]], float] | None,
 ) -> tuple[float, float] | None:
-    """Return a random place of an area, the best of a few by a score; None if none was found."""
+    """Return a random place in an area, the best of a few by a score; None if none was found."""
     shapely.prepare(area)
     low_x, low_y, high_x, high_y = area.bounds
     found: list[tuple[float, float]] = []
@@ -117,14 +117,14 @@ def _well_formed(
         discs = [Point(other).buffer(passing) for at, other in enumerate(stations) if at != index]
         left = ways.difference(shapely.union_all(discs))
         home = [part for part in getattr(left, "geoms", [left]) if part.distance(Point(station)) == 0.0]
-        # Where it begins does not matter as long as everything else is in one piece.
+        # The start itself may lie in another station's disc, as long as the rest is mostly in one piece.
         if not home or home[0].area < 0.5 * ways.area or home[0].distance(Point(start)) > passing:
             return False
     return True
 
 
 def _station(rng: Random, floor: Floor, at: tuple[float, float], least: float) -> Patch:
-    """Return a station around a place, in the room; a square one where the room is no rectangle along the axes."""
+    """Return a station around a place in the room; a square unless the room is a rectangle along the axes."""
     x, y = at
     most = math.sqrt(2.0) * floor.inside.exterior.distance(Point(at))
     wide, deep = (min(max(least, rng.uniform(*STATION_M)), most) for _ in range(2))
@@ -158,4 +158,4 @@ def _by_boxes(_rng: Random, floor: Floor) -> Score:
 
 
 _SCORES: Final = (_anywhere, _anywhere, _together, _by_the_fence, _by_boxes)
-"""Where stations stand: anywhere, near each other, near the fence, near boxes and in corridors."""
+"""Ways to place stations: anywhere, near each other, near the fence, near boxes and in corridors."""

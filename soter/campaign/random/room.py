@@ -1,4 +1,4 @@
-"""Rooms as plain numbers, and the workspace files that say them; knows nothing of how SOTER reads or uses them."""
+"""Rooms as plain numbers, and their workspace files; independent of SOTER's own reader."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Start:
-    """Where one robot starts: its id, metres east and north, radians."""
+    """The start of one robot: its id, metres east and north, radians."""
 
     id: int
     x: float
@@ -58,9 +58,9 @@ class Start:
 
 @dataclass(frozen=True)
 class DrawnRoom:
-    """A fence, what is kept out, starts, and as many stations, those of the robots in their order.
+    """A fence, boxes, starts, and as many stations, in the order of the robots.
 
-    One with a fence from the origin and boxes along the axes is written as XML, any other as TOML.
+    A room with a fence from the origin and boxes along the axes is written as XML, any other as TOML.
     """
 
     fence: Ring
@@ -70,16 +70,16 @@ class DrawnRoom:
 
     @property
     def inside(self) -> shapely.Polygon:
-        """What is inside of the fence."""
+        """The area inside the fence."""
         return shapely.Polygon(self.fence)
 
     @property
     def kept_out(self) -> shapely.Geometry:
-        """All that robots keep out of."""
+        """The area of the boxes."""
         return shapely.union_all([shapely.Polygon(box) for box in self.boxes])
 
     def only(self, kept: Sequence[int]) -> DrawnRoom:
-        """Return it with the robots and the stations at these places in their order."""
+        """Return the room with only the robots and stations at these indices."""
         robots, stations = tuple(self.robots[at] for at in kept), tuple(self.stations[at] for at in kept)
         return replace(self, robots=robots, stations=stations)
 
@@ -157,7 +157,7 @@ class DrawnRoom:
 
 
 def patch_of(ring: Ring) -> Patch | None:
-    """Return the rectangle along the axes that has these corners, if they are one's."""
+    """Return the rectangle along the axes with these corners; None if they are not those of one."""
     found = Patch(*shapely.Polygon(ring).bounds)
     return found if found.ring == ring else None
 

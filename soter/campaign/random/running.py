@@ -1,4 +1,4 @@
-"""Runs a mission with a witness, and has it judged a second time, by geometry that shares nothing with SOTER's."""
+"""Runs a mission with a witness, and judges it a second time, by geometry that shares nothing with SOTER's."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _FULL: Final = 1.0 - 1e-9
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the second judge says of a run. All of it is plain enough for JSON.
+    """The judgement of the second judge on a run. All values can be written as JSON.
 
     Attributes:
-        truth: violations by the simulator's judge, of the rules that are promised.
-        judged: by the independent judge.
-        breaches: the first of them.
+        truth: violations of promised rules by the simulator's judge.
+        judged: violations by the independent judge.
+        breaches: the first of these.
         in_sc_s: longest time in SC without charging, by robot, before its battery was empty; robots whose AC failed for
             good are left out.
         never_moved: robots that stayed where they started although their AC did not fail.
@@ -49,7 +49,7 @@ class Judgement:
 
     @property
     def findings(self) -> list[str]:
-        """What must not be: rules that were broken, judges that disagree, robots that are stuck."""
+        """The faults: broken rules, judges that disagree, robots that are stuck."""
         broken = [rule for rule in (*self.truth, *self.judged) if self.truth.get(rule) or self.judged.get(rule)]
         split = [
             f"judges disagree on {rule}" for rule in broken if not (self.truth.get(rule) and self.judged.get(rule))
@@ -64,9 +64,9 @@ def run_drawn(
     """Run the configuration of a seed; see `run_judged`.
 
     Args:
-        settings: `seed`, and where they are given `engine` and `duration_s`.
-        stop: asked at every tick whether to end early.
-        record: where to record it, or None.
+        settings: `seed`, and optionally `engine` and `duration_s`.
+        stop: called at every tick; returns whether to end early.
+        record: the file to record the run in, or None.
     """
     with closing(Scratch("drawn")) as scratch:
         mission = draw(settings["seed"], settings.get("engine", "kinematic")).write(scratch.path)
@@ -79,13 +79,13 @@ def run_judged(
     """Run a mission file with a witness.
 
     Args:
-        mission_file: as SOTER takes it, on a simulated backend in process.
-        duration_s: in place of its own.
-        stop: asked at every tick whether to end early.
-        record: where to record it, or None.
+        mission_file: a mission on a simulated backend in process.
+        duration_s: a duration in place of the mission's own; None for its own.
+        stop: called at every tick; returns whether to end early.
+        record: the file to record the run in, or None.
 
     Raises:
-        ConfigError: it is bad input, or a module is not proved.
+        ConfigError: the mission is bad input, or a module is not proved.
         BackendError: the backend cannot be opened.
         IllFormedModule: a module cannot keep its promise.
     """
@@ -132,9 +132,9 @@ def _first(breaches: list[RuleBreach]) -> list[RuleBreach]:
 
 
 def in_sc_s(room: DrawnRoom, run: Run, ways: Ways) -> dict[str, float]:
-    """Return by robot the longest time in SC in which it was not charging; only while its AC and its battery live.
+    """Return, by robot, the longest time in SC without charging, while its AC works and its battery is not empty.
 
-    A robot that is flat stands, whoever has it. Where that is against a rule it is a finding of its own.
+    A robot with an empty battery stands under any controller. If that breaks a rule, it is a finding of its own.
     """
     on_station = ways.on_station(room.stations)
     period_s = ways.times[1] - ways.times[0] if len(ways.times) > 1 else 1.0

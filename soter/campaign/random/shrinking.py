@@ -1,4 +1,4 @@
-"""Makes a configuration that fails smaller for as long as it fails in the same way."""
+"""Shrinks a configuration that fails for as long as it fails in the same way."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ Run = Callable[[Configuration], Done]
 
 
 def failures(done: Done) -> list[str]:
-    """Return in which ways a run fails: what the second judge found, or that it did not get to its end."""
+    """Return the failures of a run: the second judge's findings, or that it did not get to its end."""
     return [done.status] if done.status == "failed" else done.findings
 
 
 def smaller(config: Configuration) -> Iterator[Configuration]:
-    """Yield configurations with one thing less: the largest steps first."""
+    """Yield configurations with one part less, the largest parts first."""
     tables, room = config.tables, config.room
     for index in reversed(range(len(room.robots) if len(room.robots) > 1 else 0)):
         yield _without_robot(config, index)
@@ -46,7 +46,7 @@ def smaller(config: Configuration) -> Iterator[Configuration]:
 
 
 def _paths(tables: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    """Yield the keys that may be left out, whole tables before what is in them."""
+    """Yield the keys that may be left out, whole tables before their keys."""
     for key, value in tables.items():
         if not above and key in ("seed", "duration_s", "backend", "backends", "fault"):
             continue
@@ -65,7 +65,7 @@ def _without(tables: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, Any]
 
 
 def _without_robot(config: Configuration, index: int) -> Configuration:
-    """Return it with a robot less; the ids of the others stay."""
+    """Return a configuration without one robot; the ids of the others stay."""
     room, tables = config.room, copy.deepcopy(config.tables)
     gone = room.robots[index].id
     faults = [fault for fault in tables.get("fault", ()) if fault.get("robot") != gone]
@@ -84,13 +84,13 @@ def _without_robot(config: Configuration, index: int) -> Configuration:
 
 
 def shrunk(config: Configuration, run: Run, failure: str, said: Callable[[str], None]) -> tuple[Configuration, Done]:
-    """Return the smallest configuration that was found to fail in the same way, and its done.
+    """Return the smallest configuration that was found to fail in the same way, and its outcome.
 
     Args:
-        config: one that fails.
-        run: runs one.
-        failure: what has to stay; see `failures`.
-        said: is told of each step.
+        config: a configuration that fails.
+        run: runs a configuration.
+        failure: the failure to keep; see `failures`.
+        said: called with a line about each step.
     """
     done = run(config)
     if failure not in failures(done):
@@ -100,7 +100,7 @@ def shrunk(config: Configuration, run: Run, failure: str, said: Callable[[str], 
     while again:
         again = False
         tried = 0
-        # Whatever was taken away, the next thing to try stands at the same place.
+        # After a part was taken away, the next one to try has the same index.
         while (found := next(_after(smaller(config), tried), None)) is not None:
             after = run(found)
             if failure in failures(after):
@@ -119,13 +119,13 @@ def _after(found: Iterator[Configuration], tried: int) -> Iterator[Configuration
 
 
 def _shorter(config: Configuration, done: Done, run: Run, failure: str) -> tuple[Configuration, Done]:
-    """Return it with a run that ends soon after the failure."""
+    """Return a configuration whose run ends soon after the failure, and its outcome."""
     result = done.result or {}
     found = result.get(JUDGED, {})
     starts = [breach["end_s"] for breach in found.get("breaches", ()) if breach["rule"] == failure]
     ends = [min(starts) + _AFTER_S] if starts else []
     if failure == "stuck":
-        # Where it is stuck from the middle on, so much of the end is not needed.
+        # A robot that is stuck needs only `STUCK_S` of that time to fail.
         ends = [result["duration_s"] - (max(found["in_sc_s"].values()) - STUCK_S) + 1.0]
     for end_s in [round(max(_LEAST_S, end_s), 1) for end_s in ends]:
         if end_s < config.tables["duration_s"]:
@@ -140,14 +140,14 @@ def shrink(seed: int, engine: str, folder: Path, duration_s: float | None, said:
     """Shrink the configuration of a seed and write it into a folder.
 
     Args:
-        seed: of which configuration.
+        seed: the configuration's seed.
         engine: see `draw`.
-        folder: where to.
-        duration_s: in place of what was drawn.
-        said: is told of each step.
+        folder: the folder to write to.
+        duration_s: a duration in place of the drawn one.
+        said: called with a line about each step.
 
     Returns:
-        The mission file; None where the seed does not fail.
+        The mission file; None if the seed does not fail.
     """
     config = draw(seed, engine)
     if duration_s is not None:

@@ -1,6 +1,6 @@
-"""The simulated backends, watched: where robots really are and what their batteries really hold, at every period.
+"""Simulated backends with a witness, which records true poses and charges at every period.
 
-What is watched is what moves: nothing is asked of the stack, of what robots report, or of the simulator's judge.
+The witness watches the engine itself, and uses neither the stack, nor the robots' samples, nor the simulator's judge.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ WATCHED: Final = {
     "pybullet": "soter.campaign.random.witness:WatchedPyBullet",
     "kinematic": "soter.campaign.random.witness:WatchedKinematic",
 }
-"""By backend, the same backend with a witness."""
+"""For each backend, the same backend with a witness."""
 
 Series = NDArray[np.float64]
 
 
 class EngineWitness:
-    """An engine that notes what another one does to its robots; `soter_sim.Engine`."""
+    """An engine that records the motions of another one; `soter_sim.Engine`."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine: Final = engine
@@ -61,14 +61,14 @@ class EngineWitness:
         self._noted.extend(bodies.charge)
 
     def seen(self, until_s: float) -> tuple[Series, Series, Series, Series]:
-        """Return times, and by time and robot metres east, metres north and charges, up to a time."""
+        """Return times up to `until_s`, and, by time and robot, metres east, metres north and charges."""
         count = int(until_s / self.period_s + 1e-6) + 1
         found = np.frombuffer(self._noted).reshape(-1, 3, len(self.ids))[:count]
         return np.arange(len(found), dtype=np.float64) * self.period_s, found[:, 0], found[:, 1], found[:, 2]
 
 
 witnesses: Final[list[EngineWitness]] = []
-"""One for each world that was opened in this process, the last one last."""
+"""One witness for each world opened in this process, in order."""
 
 
 class WatchedPyBullet(PyBulletBackend):

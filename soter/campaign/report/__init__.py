@@ -1,1 +1,1 @@
-"""What is written of a campaign: tables in words, pages, and the generated part of documents."""
+"""Reports of a campaign: tables in words, pages, and the generated part of documents."""

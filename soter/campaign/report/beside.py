@@ -1,4 +1,4 @@
-"""Recordings side by side: one page in which all of them play in step."""
+"""A page of recordings side by side, in which all of them play in step."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ ABOUT: Final = {
     "status": "status", "backend": "backend", "engine": "engine", "ac": "advanced controller", "planner": "planner",
     "seed": "seed", "duration_s": "duration",
 }  # fmt: skip
-"""What was run: keys of results, and what they are called."""
+"""Keys of results that describe the run, with their labels."""
 
 FIGURES: Final = {
     "ac_share": "AC in control", "disengagements_total": "disengagements", "targets_reached": "targets reached",
     "longest_stall_s": "longest stall", "longest_without_ac_s": "longest without AC",
     "no_progress_s": "no progress for", "trace_sha256": "trace",
 }  # fmt: skip
-"""What came of it, besides the rules."""
+"""Figures of results besides those of rules, with their labels."""
 
 OF_MISSIONS: Final = ("planner", "targets_reached", "longest_stall_s", "no_progress_s")
-"""What says nothing of a controller's run."""
+"""Keys that have no meaning for a controller's run."""
 
 _LONGEST: Final = 24
 
@@ -36,12 +36,12 @@ def make_beside(recordings: Sequence[Recording]) -> str:
     """Return one page of recordings: their figures, and each one's own page in a frame.
 
     Raises:
-        BadRecording: one is damaged, or lacks what a page shows.
+        BadRecording: a recording is damaged, or lacks data that a page shows.
         ConfigError: a workspace is not allowed.
     """
     names = [recording.path.name for recording in recordings]
     results = [json.loads(recording.result_json or b"{}") for recording in recordings]
-    # The rules of all of them: a module of the user's own may be in some only.
+    # The rules of all recordings: a user's own module may be in some only.
     rules = dict.fromkeys(rule for result in results for rule in result.get("violations") or {})
     counted = {f"violations.{rule}": f"violations: {rule}" for rule in rules}
     margins = {f"min_margin.{rule}": f"least margin: {rule}" for rule in rules}
@@ -49,7 +49,7 @@ def make_beside(recordings: Sequence[Recording]) -> str:
         [words, *(_shown(result, key) for result in results)]
         for key, words in {**ABOUT, **counted, **margins, **FIGURES}.items()
     ]
-    # The text of a frame's page is an attribute of this one, so that all is one file.
+    # Each frame's page is an attribute of this one, so that all is one file.
     frames = "".join(
         f'<iframe title="{escape(name)}" srcdoc="{escape(make_page(recording))}"></iframe>'
         for name, recording in zip(names, recordings, strict=True)

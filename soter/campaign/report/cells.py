@@ -1,4 +1,4 @@
-"""The figures of a group of runs in words, as they stand in tables."""
+"""Formats the figures of a group of runs for tables."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ HEAD: Final = (
     "part", "setting", "runs", "robot-hours", "violations", "at most per robot-hour", "AC share",
     "disengagements per robot-hour", "reached per robot-hour", "longest stall, s", "no progress, s", "least margins",
 )  # fmt: skip
-"""Of a table of groups; rules are in the order of `RULES`."""
+"""Head of a table of groups; rules are in the order of `RULES`."""
 
 
 def cells(group: Group) -> list[str]:
-    """Return the line of a group."""
+    """Return the table's line for a group."""
     refused, failed = group.status("refused"), group.status("failed")
     runs = [
         str(len(group.rows)),
@@ -53,7 +53,7 @@ def disengagements(found: Sequence[Group]) -> tuple[list[str], list[list[str]]]:
 
 
 def required(judged: Mapping[str, Sequence[Judged]], holds: str, fails: str) -> tuple[list[str], list[list[str]]]:
-    """Return the head and the lines of a table of what is required of each part, and the words for whether it holds."""
+    """Return the head and the lines of a table of the parts' requirements; `holds` and `fails` are the verdicts."""
     rows = [
         [part, each.text, each.found, holds if each.holds else fails] for part, some in judged.items() for each in some
     ]

@@ -104,7 +104,7 @@ def write(page: Path, generated: str) -> None:
     """Put the generated part into a document, between its markers.
 
     Raises:
-        ConfigError: there is no such document, or it has lost its markers.
+        ConfigError: there is no such document, or it lacks the markers.
     """
     try:
         text = page.read_text(encoding="utf-8")

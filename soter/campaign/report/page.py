@@ -21,7 +21,7 @@ DOTS: Final = {
     **{f"min_margin.{rule}": f"least margin: {rule}" for rule in RULES}, "ac_share": "AC share",
     "longest_stall_s": "longest stall, s",
 }  # fmt: skip
-"""Figures of single runs that are shown as dots, and what they are called."""
+"""Figures of single runs that are shown as dots, with their labels."""
 
 _ROW: Final = 26.0
 _MOST_DOTS: Final = 2000
@@ -31,9 +31,9 @@ def make_page(store: Store, judged: Mapping[str, Sequence[Judged]], recordings: 
     """Return the page of a campaign.
 
     Args:
-        store: its runs.
-        judged: what is required, by part.
-        recordings: the folder of pages of single runs, `ID.html`; those that are there are linked.
+        store: the campaign's runs.
+        judged: the judged requirements, by part.
+        recordings: the folder of pages of single runs, `ID.html`; existing ones are linked.
     """
     rows = [*store.rows()]
     found = groups(rows)
@@ -72,7 +72,7 @@ DIFFERENCE_HEAD: Final = (
 
 
 def difference_cells(found: PairedDifference) -> list[str]:
-    """Return the line of a difference."""
+    """Return the table's line for a difference."""
     if found.middle is None:
         enclosed = ["-", "needs 6 pairs", ""]
     else:
@@ -84,11 +84,11 @@ def difference_cells(found: PairedDifference) -> list[str]:
     return [found.figure, str(found.pairs), f"{found.left:.4g}", f"{found.right:.4g}", *enclosed]
 
 
-# --- what pages are made of ----------------------------------------------------------------------------------------
+# --- parts of pages ------------------------------------------------------------------------------------------------
 
 
 def page_of(title: str, subtitle: str, parts: Iterable[str]) -> str:
-    """Return a page of parts that are HTML already, in the style of the pages of runs."""
+    """Return a page of parts in HTML, in the style of the pages of runs."""
     own = files("soter.campaign.report").joinpath("assets")
     style = files("soter.report.page").joinpath("assets", "page.css").read_text(encoding="utf-8")
     return frame(
@@ -99,23 +99,23 @@ def page_of(title: str, subtitle: str, parts: Iterable[str]) -> str:
 
 
 def verdict_of(good: bool, words: str) -> str:
-    """Return the line at the top of a page."""
+    """Return the verdict at the top of a page."""
     kind, strong = ("good", "All that is required holds") if good else ("bad", "Something required does not hold")
     return f'<section class="verdict {kind}"><strong>{strong}</strong><span>{escape(words)}</span></section>'
 
 
 def card(heading: str, inner: str) -> str:
-    """Return a card; nothing where there is nothing in it."""
+    """Return a card; empty if its content is."""
     return f'<section class="card"><h2>{escape(heading)}</h2>{inner}</section>' if inner else ""
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], links: Sequence[str] = ()) -> str:
-    """Return a table that sorts by the column that is clicked.
+    """Return a table that sorts by a clicked column.
 
     Args:
-        head: its columns.
+        head: the names of its columns.
         rows: its lines, as texts.
-        links: where the first cell of each line leads to, empty for nowhere.
+        links: the link of the first cell of each line, empty for none.
     """
     heads = "".join(f'<th scope="col"><button type="button">{escape(each)}</button></th>' for each in head)
     lines = []
@@ -131,7 +131,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], links: Sequence[st
 
 
 def _dots(found: Sequence[Group], name: str) -> str:
-    """Return a strip of dots for each group, one a run, and a mark at their median."""
+    """Return a strip of dots for each group, one for each run, with a mark at the median."""
     known = [
         (group, [(row, value) for row in group.rows if (value := figure(row, name)) is not None]) for group in found
     ]
@@ -143,7 +143,7 @@ def _dots(found: Sequence[Group], name: str) -> str:
     span = (high - low) or 1.0
 
     def x(value: float) -> str:
-        # Parts of the width, so that rows stay as high as their labels however wide the page is.
+        # In parts of the width, so that rows stay as high as their labels on pages of any width.
         return f"{1.0 + (value - low) / span * 98.0:.2f}%"
 
     height = _ROW * len(known) + 18.0
@@ -161,7 +161,7 @@ def _dots(found: Sequence[Group], name: str) -> str:
             )
         middle = x(median(value for _, value in values))
         marks.append(f'<line class="middle" x1="{middle}" x2="{middle}" y1="{y - 9:.1f}" y2="{y + 9:.1f}"/>')
-        # The setting first: where there is little room, parts of one name are told apart by it.
+        # The setting first: cut off, labels of one part are still told apart by it.
         label = escape(group.part if group.name == "-" else f"{group.name} · {group.part}")
         labels.append(f'<li title="{label}">{label}</li>')
     ends = f'<text x="1%" y="{height - 3:.0f}">{low:.3g}</text>'
