@@ -1,4 +1,4 @@
-"""A run in the Foxglove app: a server on 127.0.0.1 that passes on what is recorded, on the channels of the recording.
+"""Shows a run in the Foxglove app: a server on 127.0.0.1 that passes on the recording, on the same channels.
 
 The only module that knows foxglove-sdk. The SDK has a queue for each client, of which it drops the oldest messages.
 """
@@ -21,10 +21,10 @@ from soter.record.foxglove import Log
 from soter.record.messages import schema_name
 
 FLUSH_S: Final = 0.5
-"""Host time that clients have at the end for what waits for them."""
+"""Host time that clients have at the end to receive the queued messages."""
 
 SETTLED_S: Final = 0.2
-"""Host time after which a subscription surely counts: the SDK tells of it a moment before that."""
+"""Host time after which a subscription surely counts: the SDK reports it a moment too early."""
 
 _STAYS: Final = "foxglove."
 _PASSES: Final = schema_name(Log)
@@ -33,14 +33,14 @@ _PASSES: Final = schema_name(Log)
 class AppScreen(ServerListener):
     """Passes a run on to the Foxglove app.
 
-    The port is held from the beginning on, but served only once it is known which channels there are: a client is then
-    told of all of them when it connects.
+    The port is held from the beginning, but served only once all channels are known, so that a client gets all of them
+    when it connects.
 
     Args:
-        port: of 127.0.0.1; 0 for one that is free.
+        port: a port of 127.0.0.1; 0 for a free one.
 
     Raises:
-        OSError: the port cannot be had.
+        OSError: the port is not available.
     """
 
     def __init__(self, port: int) -> None:
@@ -75,12 +75,12 @@ class AppScreen(ServerListener):
         self._held.close()
         if self._server is not None:
             self._server.publish_status("The run has ended.", StatusLevel.Info)
-            # The SDK sends by threads of its own, and does not say when they are done.
+            # The SDK sends in threads of its own, and does not report when they are done.
             time.sleep(FLUSH_S)
             self._server.stop()
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        """Note that somebody has come who may have missed what was said once. Called by a thread of the SDK."""
+        """Note a new client, which may have missed messages that are sent once. Called by a thread of the SDK."""
         self._asked.append((time.monotonic(), channel.topic))
 
     def _serve(self) -> WebSocketServer:
@@ -94,7 +94,7 @@ class AppScreen(ServerListener):
             raise OSError(str(failure)) from failure
 
     def _repeat(self) -> None:
-        """Say again what was said once and still holds, such as where the boxes are, for who has come since."""
+        """Resend messages that are sent once and still hold, such as the boxes, for new clients."""
         while self._asked and time.monotonic() - self._asked[0][0] > SETTLED_S:
             _, topic = self._asked.popleft()
             if topic in self._last:

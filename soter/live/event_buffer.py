@@ -1,4 +1,4 @@
-"""What open pages are told, one part after the other; each of them is somewhere in it."""
+"""The buffer of events for open pages, each of which reads at its own position."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections import deque
 from typing import Final
 
 MOST_BYTES: Final = 8 << 20
-"""What is kept for those who are slow. Who has fallen behind by more has to begin anew."""
+"""Most bytes kept for slow viewers. A viewer that has fallen behind by more has to begin anew."""
 
 
 class FellBehind(Exception):
-    """What comes next for this viewer is not kept any more."""
+    """The next part for a viewer is no longer kept."""
 
 
 class EventBuffer:
-    """Numbered parts, of which the last ones are kept. Viewers take them at their own pace and hold nobody up.
+    """Numbered parts, of which the last ones are kept. Viewers take them at their own pace, and hold up no others.
 
     Any thread may use it.
     """
@@ -35,7 +35,7 @@ class EventBuffer:
         return self._count
 
     def add(self, part: bytes) -> None:
-        """Add a part, and forget those that are too old."""
+        """Add a part, and drop the oldest ones beyond `MOST_BYTES`."""
         with self._changed:
             self._parts.append(part)
             self._bytes += len(part)
@@ -45,20 +45,20 @@ class EventBuffer:
             self._changed.notify_all()
 
     def end(self) -> None:
-        """Say that there will be no more."""
+        """Mark that there will be no more parts."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
 
     def after(self, number: int, limit_s: float) -> tuple[list[bytes], bool]:
-        """Return the parts behind one, and whether there will be no more; wait for them for at most so long.
+        """Return the parts after one, waiting for them if there are none yet, and whether there will be no more.
 
         Args:
-            number: of the last part that is known; 0 for none.
-            limit_s: host time.
+            number: number of the last part that the viewer has; 0 for none.
+            limit_s: longest host time to wait.
 
         Raises:
-            FellBehind: the next one is not kept any more, or there never was such a part.
+            FellBehind: the next part is no longer kept, or there never was a part `number`.
         """
         until_s = time.monotonic() + limit_s
         with self._changed:

@@ -1,4 +1,4 @@
-"""What the processes of live views share: how they begin, follow a recording, and end."""
+"""The process of a live view: how it begins, follows a recording, and ends."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from soter.record.follow import GrowingRecording
 
 NICENESS: Final = 10
 MEMORY_BYTES: Final = 2 << 30
-"""Address space that a view may take."""
+"""Most address space of a view's process."""
 
 LOOK_S: Final = 0.05
 """Host time between two looks at a recording that has not grown."""
@@ -27,7 +27,7 @@ _PATH_BYTES: Final = 1 << 16
 
 
 class Screen(Protocol):
-    """Shows a run to its viewers; made with a port of 127.0.0.1, 0 for one that is free, or it raises OSError."""
+    """Shows a run to viewers. The class takes a port of 127.0.0.1, or 0 for a free one, and may raise OSError."""
 
     @property
     def port(self) -> int:
@@ -37,24 +37,23 @@ class Screen(Protocol):
         """Show a run until its recording ends.
 
         Raises:
-            BadRecording: it is damaged.
+            BadRecording: the recording is damaged.
         """
 
     def pause(self) -> None:
-        """Show what has come: there is nothing more for now."""
+        """Show all that was read: there is nothing more to read at the moment."""
 
     def close(self) -> None:
-        """End, once those who look have been told all, or have had the time to be."""
+        """End, once viewers have received all, or have had enough time to."""
 
 
 def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
-    """Be the process of a view, as `soter.isolation.child` starts it.
+    """Run the process of a view, as `soter.isolation.child` starts it.
 
     Args:
-        stdin: holds, pickled, the name of the class of its screen and the port.
-        socket_fd: what the run says comes from there: where its recording is. It is closed when nobody is to be shown
-            anything any more.
-        lifeline_fd: its other end is closed when the run has died.
+        stdin: holds, pickled, the name of the screen's class and the port.
+        socket_fd: a socket on which the run sends the recording's path, and which it closes to end the view.
+        lifeline_fd: a pipe whose other end is closed when the run has died.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(lifeline_fd)
@@ -66,7 +65,7 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
         screen = make(port)
         link.send(READY + str(screen.port).encode())
         _follow(link, screen)
-        # Until the run closes its end: it may keep what is shown for those who come when it has ended.
+        # Until the run closes its end: it may keep the view for viewers that come after the run's end.
         while link.recv(_PATH_BYTES):
             pass
         screen.close()
@@ -74,7 +73,7 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> NoReturn:
         why = (failure.strerror if isinstance(failure, OSError) else None) or str(failure) or repr(failure)
         link.send(FAILED + why.encode(), socket.MSG_NOSIGNAL)
         os._exit(1)
-    # Threads of viewers that do not read are not waited for.
+    # Do not wait for the threads of viewers that do not read.
     os._exit(0)
 
 

@@ -1,7 +1,7 @@
-"""The run's end of a live view: starts the process that shows the run, and tells it when there is a recording.
+"""The run's side of a live view: starts the process that shows the run, and sends it the recording's path.
 
-That is all that a run has to do with it. What is shown is read from the recording while it grows, so a view can cost
-a tick nothing, whatever happens to it and to its viewers.
+The run does nothing else. The process reads the growing recording, so that a view cannot delay a tick, whatever happens
+to the process and its viewers.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ logger = logging.getLogger(__name__)
 
 HOST: Final = "127.0.0.1"
 READY_S: Final = 20.0
-"""Host time that the process is given to start: it imports what it shows with."""
+"""Host time that the process is given to start, with its imports."""
 
 CLOSE_S: Final = 30.0
-"""Host time that it is given at the end, to read what it has not read yet and to tell those who look how it ended."""
+"""Host time that the process is given at the end, to read the rest and to show viewers how the run ended."""
 
 READY: Final = b"ready "
 FAILED: Final = b"failed "
 
 
 class Kind(NamedTuple):
-    """One way to show a run.
+    """One kind of live view.
 
     Attributes:
-        screen: the class that shows it in a process of its own, a `soter.live.process.Screen`, as `module:Class`.
-        name: in words, for messages.
-        option: that names its port, for messages.
+        screen: the class that shows a run in a process of its own, a `soter.live.process.Screen`, as `module:Class`.
+        name: its name in messages.
+        option: the command-line option for its port, for messages.
         address: its address, with {port} in it.
     """
 
@@ -52,16 +52,16 @@ APP: Final = Kind(
 
 
 class LiveView:
-    """A process that shows a run. A context manager; at its end its viewers are told how the run ended.
+    """A process that shows a run. A context manager; at its end viewers see how the run ended.
 
-    Used from one thread. If the process ends before the run does, that is said once, and the run goes on.
+    Used from one thread. If the process ends before the run does, that is logged once, and the run goes on.
 
     Args:
-        kind: how to show it.
-        port: of 127.0.0.1; 0 for one that is free.
+        kind: the kind of view.
+        port: a port of 127.0.0.1; 0 for a free one.
 
     Raises:
-        ConfigError: the port cannot be had, or the process does not start.
+        ConfigError: the port is not available, or the process does not start.
     """
 
     def __init__(self, kind: Kind, port: int = 0) -> None:
@@ -94,15 +94,15 @@ class LiveView:
         return self._child.pid
 
     def begin(self, path: Path) -> None:
-        """Show a recording, of which the head is written by now."""
+        """Show a recording whose head is already written."""
         try:
             self._child.send(os.fsencode(path.absolute()))
         except ChildDied:
-            # The watcher says so.
+            # The process has ended, which `_watch` logs.
             return
 
     def close(self) -> None:
-        """Let the process come to its end, for at most `CLOSE_S`; then it is killed. Idempotent."""
+        """Let the process end by itself, for at most `CLOSE_S`; then kill it. Idempotent."""
         if self._watcher.is_alive():
             os.write(self._woken, b"\n")
             self._watcher.join()
@@ -117,7 +117,7 @@ class LiveView:
             os.close(fd)
 
     def _watch(self) -> None:
-        """Say it when the process ends too early; until then only wait, which costs nothing."""
+        """Wait in a thread, and log if the process ends too early."""
         process = os.pidfd_open(self._child.pid)
         try:
             poll = select.poll()
@@ -141,5 +141,5 @@ class LiveView:
 
 
 def reason(said: bytes) -> str:
-    """Return what a process said of its failure, in words."""
+    """Return the failure that a process reported, in words."""
     return said.removeprefix(FAILED).decode(errors="replace") or "it did not say why"

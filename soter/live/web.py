@@ -1,7 +1,7 @@
-"""The live page: a small HTTP server on 127.0.0.1 for the page of a run that goes on, and for what is new of it.
+"""The live page: a small HTTP server on 127.0.0.1 for the page of a run that goes on, and for its news.
 
-It serves these two and nothing else, to whoever asks it by its own name: a page of somebody else's that a browser was
-led here by would ask by another (DNS rebinding). Nothing that it is sent has any effect on the run.
+It serves these two and nothing else, and only to requests that name this host: those of a foreign page by DNS rebinding
+name another one. No request has any effect on the run.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from soter.record.follow import GrowingRecording
 from soter.report.page.html import GrowingPage
 
 PUBLISH_S: Final = 0.25
-"""Host time between two parts where there is always something new."""
+"""Host time between two parts if there is always something new."""
 
 VIEWER_S: Final = 3.0
-"""Host time for which a viewer may not take what it is sent, or not finish what it asks; then it is dropped."""
+"""Host time after which a viewer is dropped that does not read, or does not finish its request."""
 
 ALIVE_S: Final = 2.0
-"""Host time after which something is sent even if there is nothing to say: else a dead viewer would not be noticed."""
+"""Host time after which a message is sent even without news, so that a dead viewer is noticed."""
 
 END_S: Final = 2.0
-"""Host time that viewers have at the end to hear how the run ended."""
+"""Host time that viewers have at the end to receive how the run ended."""
 
 MOST_VIEWERS: Final = 64
-"""So many may listen, and so many ask, at a time."""
+"""Most viewers that listen, and most that request something, at a time."""
 
 MOST_THREADS: Final = 4 * MOST_VIEWERS
 SEND_BYTES: Final = 1 << 16
-"""What the system may keep for a viewer that does not read. What is not sent yet is kept once for all of them."""
+"""Most bytes that the system buffers for a viewer that does not read. Unsent parts are kept once for all viewers."""
 
 _WAITING: Final = b"""\
 <!doctype html><meta charset="utf-8"><meta name="color-scheme" content="light dark">
@@ -50,13 +50,13 @@ _WAITING: Final = b"""\
 
 
 class PageScreen:
-    """Serves the page of a run. The thread that made it also shows; every viewer has a thread of its own.
+    """Serves the page of a run. `show` runs in the thread that made the screen; every viewer has a thread of its own.
 
     Args:
-        port: of 127.0.0.1; 0 for one that is free.
+        port: a port of 127.0.0.1; 0 for a free one.
 
     Raises:
-        OSError: the port cannot be had.
+        OSError: the port is not available.
     """
 
     def __init__(self, port: int) -> None:
@@ -92,7 +92,7 @@ class PageScreen:
             time.sleep(0.01)
 
     def whole(self) -> bytes | None:
-        """Return the page of the run up to now; None before its first tick. Any thread may ask."""
+        """Return the page of the run up to now; None before its first tick. Any thread may call this."""
         with self._lock:
             number = self.events.count
             if self._page is None or not number:
@@ -131,12 +131,12 @@ class _Server(ThreadingHTTPServer):
         return len(self._listening)
 
     def server_bind(self) -> None:
-        """Bind, without asking anybody for the name of this host as the base class does."""
+        """Bind without looking up the name of this host, which the base class does."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = HOST, int(self.server_address[1])
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer in a thread. Where too many ask at once, the slowest is dropped for the newest."""
+        """Answer in a thread. If there are too many requests at once, drop the oldest for the newest."""
         if not self._room.acquire(blocking=False):
             self.shutdown_request(request)
             return
@@ -153,20 +153,20 @@ class _Server(ThreadingHTTPServer):
             self._room.release()
 
     def shutdown_request(self, request: Any) -> None:
-        """Forget a viewer, and hang up."""
+        """Forget a viewer, and close its connection."""
         with self._lock:
             self._asking.pop(request, None)
             self._listening.pop(request, None)
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Drop a viewer that has left or does not read, without a word: it is no fault of the run's."""
+        """Drop a viewer that has left or does not read, without logging: the run is not at fault."""
 
     def listens(self, viewer: socket.socket) -> None:
-        """Give a viewer that has asked a place among those that listen.
+        """Give a viewer a place among those that listen.
 
-        Where there is none, the one that is the slowest to take what it is sent loses its place, or the oldest: one
-        that never reads cannot be told from the others before the system keeps no more for it.
+        If there is none, the viewer that is slowest to read loses its place, or else the oldest: one that never
+        reads looks like the others until the system's buffer for it is full.
         """
         with self._lock:
             if len(self._listening) >= MOST_VIEWERS:
@@ -177,14 +177,14 @@ class _Server(ThreadingHTTPServer):
             self._listening[viewer] = math.inf
 
     def tells(self, viewer: socket.socket, since_s: float) -> None:
-        """Note since when a viewer is being sent something; infinite while it is not."""
+        """Note since when data are being sent to a viewer; infinite if none are."""
         with self._lock:
             if viewer in self._listening:
                 self._listening[viewer] = since_s
 
 
 def _drop(viewers: dict[socket.socket, None]) -> None:
-    """Hang up on the first of some viewers. Its thread, which waits for it, notices and ends."""
+    """Close the connection of the first of some viewers. The thread that waits for that viewer then ends."""
     viewer = next(iter(viewers))
     del viewers[viewer]
     with suppress(OSError):
@@ -192,7 +192,7 @@ def _drop(viewers: dict[socket.socket, None]) -> None:
 
 
 class _Asked(io.RawIOBase):
-    """What a viewer asks, which it has to be done with in time, however slowly it goes on."""
+    """The request of a viewer, which has a time limit as a whole, however slowly its parts come."""
 
     def __init__(self, viewer: socket.socket, within_s: float) -> None:
         self._viewer: Final = viewer
@@ -220,7 +220,7 @@ class _Viewer(BaseHTTPRequestHandler):
         self.rfile = io.BufferedReader(_Asked(self.connection, self.timeout))
 
     def do_GET(self) -> None:
-        # To take an answer there is as much time again, for all of it.
+        # The viewer has as much time again to take the whole answer.
         self.connection.settimeout(self.timeout)
         if self.headers.get("Host") not in self.server.names:
             self._say(HTTPStatus.FORBIDDEN, b"This is no name of this server.\n", "text/plain")
@@ -236,7 +236,7 @@ class _Viewer(BaseHTTPRequestHandler):
             self._say(HTTPStatus.NOT_FOUND, b"There is nothing else here.\n", "text/plain")
 
     def log_message(self, *_: object) -> None:
-        """Say nothing: what viewers ask for is not worth a line."""
+        """Do nothing: requests of viewers are not logged."""
 
     def _say(self, status: HTTPStatus, body: bytes, kind: str) -> None:
         self._head(status, kind)
@@ -254,14 +254,14 @@ class _Viewer(BaseHTTPRequestHandler):
         self.send_header("X-Content-Type-Options", "nosniff")
 
     def _stream(self, query: dict[str, list[str]]) -> None:
-        """Tell what is new as server-sent events, until the run has ended or the viewer does not listen any more."""
+        """Send the news as server-sent events, until the run has ended or the viewer has left."""
         screen = self.server.screen
         after = self.headers.get("Last-Event-ID") or query.get("after", [""])[0]
         if self.headers.get("Sec-Fetch-Site", "same-origin") != "same-origin" or not _is_number(after):
             self._say(HTTPStatus.FORBIDDEN, b"Only the page of this server is told.\n", "text/plain")
             return
         if query.get("run") != [screen.token]:
-            # A page of another run, which was here before: it is not to ask again.
+            # A page of an earlier run on this port must not ask again.
             self._say(HTTPStatus.NO_CONTENT, b"", "text/event-stream")
             return
         self.server.listens(self.connection)

@@ -1,1 +1,1 @@
-"""Decides once more what a recording decided."""
+"""Replays recordings: makes the decision modules decide again, and compares."""

@@ -1,4 +1,4 @@
-"""Robots that say what they said when they were recorded, and take no orders."""
+"""Recorded robots, which repeat their samples and answers, and execute no commands."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ _ASSUMPTIONS: Final = {each.id: each for each in Assumption}
 
 
 class RecordedFailure(Exception):
-    """A failure that a recording tells of; it looks like the one that it was."""
+    """A recorded failure, raised again; its text is that of the original exception."""
 
     def __repr__(self) -> str:
         return str(self)
 
 
 class RecordedActuator:
-    """An `Actuator` that says what the recorded one said, and passes nothing on.
+    """An `Actuator` that repeats the recorded one's samples and failures, and passes no command on.
 
     Args:
-        inner: the actuator of the recorded robot, for what follows from a sample alone.
+        inner: the actuator of the recorded robot, for answers that follow from a sample alone.
         start: the sample before the first tick.
-        obeys: whether it is asked for what it did then; if not, who it says is in charge means nothing.
+        obeys: whether the replay repeats the recorded commands; if not, the recorded active controller is ignored.
     """
 
     def __init__(self, inner: RobotActuator, start: RobotState, *, obeys: bool) -> None:
@@ -42,11 +42,11 @@ class RecordedActuator:
         self._refused: list[tuple[str, str]] = []
 
     def load(self, record: RobotTick) -> None:
-        """Take what was recorded of the tick that comes."""
+        """Take the record of the next tick."""
         self._failure = record.no_state if record.unread else None
         self._refused = [(each.call, each.failure) for each in record.refused]
         sample = sample_of(record.state, record.robot_id)
-        # A sample that is the same as before is the one before, as it was then.
+        # As in the run, an unchanged sample is the same object.
         if sample != self._sample:
             self._sample = sample
 
@@ -78,7 +78,7 @@ class RecordedActuator:
 
 
 class RecordedPeer:
-    """A `RemotePeer` that says what was recorded of it."""
+    """A `RemotePeer` that repeats its recorded answers."""
 
     def __init__(self, robot_id: int) -> None:
         self.robot_id = robot_id
@@ -86,7 +86,7 @@ class RecordedPeer:
         self._sample: Sample | None = None
 
     def load(self, said: PeerEvent) -> None:
-        """Take what was recorded of the tick that comes."""
+        """Take the event of the next tick."""
         self._said = said
         self._sample = sample_of(said.state, self.robot_id) if isinstance(said.state, StateMessage) else None
 
@@ -105,10 +105,10 @@ class RecordedPeer:
 
 
 class RecordedRobot(Robot, overrides=("capabilities",)):
-    """The promises of a recorded robot; it takes no orders.
+    """A robot with recorded promises, which refuses all commands.
 
     Raises:
-        ValueError: its promises are not those of this version.
+        ValueError: the promises are not those of this version.
     """
 
     declared: ClassVar[Capabilities]

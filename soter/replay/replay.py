@@ -1,9 +1,9 @@
-"""Feeds recorded samples to the decision modules again and compares what they decide, bit by bit.
+"""Feeds recorded samples to the decision modules again and compares their decisions, bit for bit.
 
-The modules are rebuilt from what the recording says of mission, workspace and robots, by the very code that a run
-uses; supervisor, decision modules and safe controllers are the same. Only the robots are not: they say what they said
-then, and what they are told moves nothing. So a replay under other settings answers what a module would have decided
-on what happened, not what would have happened: it is open loop.
+The modules are rebuilt from the recorded mission, workspace and robots, by the code that a run uses; supervisor,
+decision modules and safe controllers are the same. Only the robots are recorded ones: they repeat their samples, and
+commands move nothing. So a replay under other settings is open loop: it shows what a module would have decided on the
+recorded samples, and not what would have happened.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from soter.stack.actuator import RobotActuator
 from soter.stack.assembly import Others, SafetySide, Study, assemble
 
 CHANGEABLE: Final = ("rta", "battery")
-"""The tables of a mission that a replay may change: what the modules are told."""
+"""The tables of a mission that a replay may change: settings of the modules."""
 
 KEPT: Final = 1000
-"""So many differences are kept; all are counted."""
+"""How many differences are kept; all are counted."""
 
 _ANYWHERE: Final = Waypoint(0.0, 0.0)
 
 
 class Difference(NamedTuple):
-    """A value of a robot, such as "collision.margin", that at a tick of a fleet time is not what was recorded."""
+    """A value of a robot, such as "collision.margin", that differs at a tick from the recorded one."""
 
     tick: int
     time_s: float
@@ -50,14 +50,14 @@ class Difference(NamedTuple):
 
 
 class Spell(NamedTuple):
-    """A time in which somebody else drives a robot than did when it was recorded.
+    """A time in which a robot's driver differs from the recorded one.
 
     Attributes:
-        robot_id: which robot.
+        robot_id: the robot.
         start_s: fleet time of the first such tick.
-        end_s: fleet time of the first tick after it, or of the last one that there is.
-        recorded: who drove then.
-        replayed: who drives now.
+        end_s: fleet time of the first tick after it, or of the last recorded one.
+        recorded: the recorded driver.
+        replayed: the driver in the replay.
     """
 
     robot_id: int
@@ -69,21 +69,21 @@ class Spell(NamedTuple):
 
 @dataclass(slots=True)
 class Replay:
-    """What a replay found.
+    """The result of a replay.
 
     Attributes:
-        settings: what was changed; empty for a replay of the run as it was.
-        ticks: how many were compared.
+        settings: the changed settings; empty for a replay of the run as it was.
+        ticks: how many ticks were compared.
         duration_s: fleet time from the first to the end of the last of them.
-        truncated: the recording was cut off; compared was what there is.
+        truncated: whether the recording was cut off, and only compared up to there.
         gap_s: fleet time of the first gap, beyond which nothing can be compared; None without one.
-        flaws: records that were changed after they had been written.
-        differences: the first of them.
-        differing: how many values differ, and switches.
-        spells: times in which somebody else drives.
-        before: disengagements by module, as recorded.
-        after: the same, as replayed.
-        ill_formed: refusals of modules that a run would not have taken; only with settings.
+        flaws: records that were changed after they were written.
+        differences: the first differences.
+        differing: number of values and switches that differ.
+        spells: times in which another driver is active.
+        before: recorded disengagements, by module.
+        after: disengagements in the replay, by module.
+        ill_formed: refusals of modules that a run would not have accepted; only with settings.
     """
 
     settings: Mapping[str, object] = field(default_factory=dict)
@@ -101,7 +101,7 @@ class Replay:
 
     @property
     def same(self) -> bool:
-        """Whether every value is what was recorded."""
+        """Whether every value equals the recorded one."""
         return not self.differing and not self.flaws
 
 
@@ -109,12 +109,12 @@ def replay(recording: Recording, settings: Mapping[str, object] | None = None) -
     """Replay a recording.
 
     Args:
-        recording: of any backend.
-        settings: values that take the place of the recorded mission's, by dotted key in `CHANGEABLE`.
+        recording: a recording with any backend.
+        settings: values that replace the recorded mission's, by dotted key in `CHANGEABLE`.
 
     Raises:
         ConfigError: a setting is not allowed.
-        BadRecording: it is damaged, or lacks what is needed.
+        BadRecording: the recording is damaged, or lacks needed data.
     """
     settings = dict(settings or {})
     for key in settings:
@@ -143,7 +143,7 @@ def replay(recording: Recording, settings: Mapping[str, object] | None = None) -
 
 
 class _Cast:
-    """Everybody who takes part in a replay, and the comparison with what they did then."""
+    """The rebuilt robots and modules of a replay, and the comparison of their values with the recorded ones."""
 
     def __init__(self, recording: Recording, settings: Mapping[str, object], found: Replay) -> None:
         about = recording.about
@@ -178,7 +178,7 @@ class _Cast:
                 others=Others(tuple(self._peers.values()), elsewhere),
             )  # fmt: skip
         except (ValueError, ArithmeticError) as failure:
-            # Its robots promise what none can.
+            # The recorded promises are impossible.
             raise self._bad(failure) from failure
         if settings:
             for supervisor in self._safety.supervisor.robots.values():
@@ -188,7 +188,7 @@ class _Cast:
         self._switches.append(record)
 
     def play(self, tick: RecordedTick) -> None:
-        """Do one tick again and compare."""
+        """Replay one tick and compare."""
         supervisor, ports = self._safety.supervisor, self._safety.ports
         for event in tick.events:
             if isinstance(event, PeerEvent):
@@ -202,7 +202,7 @@ class _Cast:
         supervisor.tick(tick.time_s)
         for robot_id, record in tick.robots.items():
             if record.ac_drove:
-                # Whoever has no control now has lost what he asked for then.
+                # If the AC has no control in the replay, its command was not taken: drop it.
                 ports[robot_id].take()
             robot = supervisor.robots[robot_id]
             if record.ac_failure:
@@ -211,7 +211,7 @@ class _Cast:
         self._compare_switches(tick)
 
     def close(self, time_s: float) -> None:
-        """End the spells that go on."""
+        """End the open spells."""
         for spell in self._spells.values():
             self._found.spells.append(spell._replace(end_s=time_s))
         self._found.spells.sort(key=lambda each: (each.start_s, each.robot_id))
@@ -242,7 +242,7 @@ class _Cast:
         for was in record.modules:
             module = modules.get(was.name)
             if module is None:
-                # Switched off by the settings, which is no finding.
+                # Switched off by the settings: not a difference.
                 continue
             if was.mode != module.mode.value:
                 differ(record, f"{was.name}.mode", was.mode, module.mode.value)
@@ -281,7 +281,7 @@ class _Cast:
 
 def _same(one: float, other: float) -> bool:
     if one == other:
-        # Bit by bit: zeros have a sign.
+        # Bit for bit: zeros have a sign.
         return one != 0.0 or math.copysign(1.0, one) == math.copysign(1.0, other)
     return one != one and other != other
 

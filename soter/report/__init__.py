@@ -1,1 +1,1 @@
-"""Pictures of runs."""
+"""Pictures, films and pages of runs."""

@@ -1,4 +1,4 @@
-"""The words of a picture. Whoever has the figures of a run phrases them; a picture only sets them."""
+"""The words of a picture. They are written by the code that has a run's figures; a picture only sets them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Rule(NamedTuple):
-    """How a safety rule fared, in words; the margin is the least that was left, negative where it was broken."""
+    """How a safety rule was kept, in words, with its least margin, which is negative if it was broken."""
 
     name: str
     violations: str
@@ -17,7 +17,7 @@ class Rule(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """The label of a place on the plan, where a robot was then, and whether a rule was broken there."""
+    """A label on the plan: its text, the robot's place, and whether a rule was broken there."""
 
     x_m: float
     y_m: float
@@ -26,7 +26,7 @@ class Remark(NamedTuple):
 
 
 class Margins(NamedTuple):
-    """What a rule makes of a place, all over the workspace: its edge is where that is 0.
+    """The margins of a rule all over the workspace; its edge is where they are 0.
 
     Attributes:
         x_m: columns, east.
@@ -43,17 +43,17 @@ class Margins(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Caption:
-    """What stands above and beside the picture of a run.
+    """The texts above and beside the picture of a run.
 
     Attributes:
-        title: what was run.
-        figures: the few numbers that matter most, each a few words.
-        alarming: whether the figures are bad news, and set as such.
-        details: what else it takes to run it again.
-        disengagements: by safety module; a module that is not in it was not counted.
-        rules: as ground truth judged them; empty without it.
-        safer_charge: charge from 0 to 1 from which a robot is given back; None without that module.
-        remarks: what is said on the plan.
+        title: name of the run.
+        figures: the few most important figures, a few words each.
+        alarming: whether the figures are bad news, and coloured so.
+        details: further settings that are needed to repeat the run.
+        disengagements: number by safety module; a missing module was not counted.
+        rules: the rules as ground truth judged them; empty without it.
+        safer_charge: charge from 0 to 1 from which a robot is given back; None without the battery's module.
+        remarks: labels on the plan.
         rule: the rule whose edge is on the plan; None for none.
     """
 

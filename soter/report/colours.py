@@ -1,7 +1,7 @@
 """The colours that pictures and pages share.
 
-They stay apart for every kind of colour blindness (after Okabe and Ito): warm and loud for the safety modules, since
-they are what one looks for; cool and quiet for the untrusted controllers.
+They can be told apart with every kind of colour blindness (after Okabe and Ito): warm and bright for the safety
+modules, which matter most; cool and pale for the untrusted controllers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A run as a film: its picture, in which the robots move."""
+"""Draws a run as a film: its picture, in which the robots move."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from soter.report.plan import draw_ways
 from soter.report.strokes import end_s, time_unit, until
 
 MOST_S: Final = 60.0
-"""A film takes no longer unless more is asked for."""
+"""Longest film by default."""
 
 SPEED: Final = 10.0
-"""So many times as fast as the run is a film that is not too long then."""
+"""Speed of a film relative to the run, unless the film would be too long."""
 
 TRAIL_S: Final = 60.0
-"""What is drawn of the ways before each moment, in the run's time."""
+"""Length of the ways drawn behind the robots, in the run's time."""
 
 STAYS_S: Final = 3.0
-"""The last moment is the picture of the whole run, and stays."""
+"""How long the last frame stays, which is the picture of the whole run."""
 
 GIF_FPS: Final = 10
 _GIF_PART: Final = 2
@@ -38,15 +38,15 @@ _COLOURS: Final = 256
 
 
 def length_s(run_s: float, most_s: float = MOST_S) -> float:
-    """Return how long the film of a run goes on: `SPEED` times as fast, or as much faster as it takes."""
+    """Return the length of a run's film: `SPEED` times as fast, or faster if it would take longer than `most_s`."""
     return min(run_s / SPEED, most_s)
 
 
 def draw_gif(tracks: RunTracks, caption: Caption | None = None, most_s: float = MOST_S) -> bytes:
-    """Return a run as the content of a GIF file; `most_s` is how long it may take to be seen."""
+    """Return a run as the content of a GIF file that lasts at most `most_s`."""
     frames = frames_of(tracks, caption or Caption(), GIF_FPS, most_s)
-    # The first is the whole run, and comes last; it has every colour that there is. An octree keeps colours of thin
-    # lines, which a median cut gives away for shades of the background.
+    # The first frame is the whole run, has every colour, and is shown last. An octree keeps the colours of thin
+    # lines, where a median cut prefers shades of the background.
     last = next(frames).reduce(_GIF_PART)
     palette = last.quantize(_COLOURS, method=Image.Quantize.FASTOCTREE)
     smaller = (each.reduce(_GIF_PART) for each in frames)
@@ -60,15 +60,15 @@ def draw_gif(tracks: RunTracks, caption: Caption | None = None, most_s: float = 
 
 
 def frames_of(run: RunTracks, caption: Caption, per_s: int, most_s: float) -> Iterator[Image.Image]:
-    """Yield the picture of the whole run, then moments of it at equal distances.
+    """Yield the picture of the whole run, then moments of it at equal intervals.
 
-    What does not move is drawn once. The time lines are those of the whole run, veiled from the moment on.
+    All that does not move is drawn once. The time lines are those of the whole run, veiled after the moment.
 
     Args:
         run: the run.
         caption: the words above and beside it.
-        per_s: how many there are for each second of the film.
-        most_s: how long it may take to be seen.
+        per_s: frames per second of the film.
+        most_s: longest film.
     """
     end = end_s(run)
     film_s = length_s(end, most_s)
@@ -96,7 +96,7 @@ def frames_of(run: RunTracks, caption: Caption, per_s: int, most_s: float) -> It
 
 
 def _veil(axes: Axes, moment_s: float, end: float) -> list[Artist]:
-    """Veil what of a time line is to come."""
+    """Veil the part of a time line after a moment."""
     unit_s, _ = time_unit(end)
     now, last = moment_s / unit_s, end / unit_s
     veil = axes.add_patch(Rectangle((now, 0.0), last - now, 1.52, fc="white", alpha=0.8, ec="none", zorder=8))

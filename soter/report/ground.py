@@ -44,12 +44,12 @@ def workspace_png(workspace: Workspace) -> bytes:
 
 
 def draw_ground(axes: Axes, workspace: Workspace, inset_m: float | None) -> None:
-    """Draw fence, stations and what is kept out of.
+    """Draw fence, stations and keep-outs.
 
     Args:
-        axes: in metres, east and north.
-        workspace: of any shape.
-        inset_m: how far inside the fence phi_safer of the geofence begins; None where that is not drawn.
+        axes: axes in metres, east and north.
+        workspace: a workspace of any shape.
+        inset_m: how far inside the fence phi_safer of the geofence begins; None if that is not drawn.
     """
     fence, kept_out = workspace.outlines()
     if fence is None:

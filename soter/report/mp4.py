@@ -1,4 +1,4 @@
-"""A run as a film in an MP4 file. The only module that knows PyAV."""
+"""Draws a run as a film in an MP4 file. The only module that knows PyAV."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ FPS: Final = 25
 
 
 def draw_mp4(tracks: RunTracks, caption: Caption | None = None, most_s: float = MOST_S) -> bytes:
-    """Return a run as the content of an MP4 file, H.264; `most_s` is how long it may take to be seen."""
+    """Return a run as the content of an MP4 file, H.264, that lasts at most `most_s`."""
     frames = frames_of(tracks, caption or Caption(), FPS, most_s)
     last = next(frames)
     buffer = io.BytesIO()
     with av.open(buffer, "w", format="mp4") as container:
         stream = container.add_stream("h264", rate=FPS, options={"crf": "20", "preset": "veryfast"})
         stream.width, stream.height = last.size
-        # What every browser and every player takes.
+        # The format that every browser and every player takes.
         stream.pix_fmt = "yuv420p"
         for image in chain(frames, repeat(last, round(FPS * STAYS_S))):
             container.mux(stream.encode(av.VideoFrame.from_image(image)))

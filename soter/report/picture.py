@@ -1,6 +1,6 @@
-"""One picture of a run: where the robots were, who was in control when, and how the batteries fared.
+"""Draws one picture of a run: the robots' ways, the active controllers over time, and the charges.
 
-It draws on a canvas of its own and leaves matplotlib's global state alone.
+The picture has a canvas of its own and does not touch matplotlib's global state.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from soter.report.strokes import end_s, shares, stretches, time_unit, ways_since
 WIDTH_PX: Final = 1600
 HEIGHT_PX: Final = 1200
 MOST_ROWS: Final = 10
-"""Robots beyond this number have no time line."""
+"""Most robots with a time line."""
 
 _DPI: Final = 125
 _LEFT_PX: Final = 62.0
@@ -61,7 +61,7 @@ def draw_png(tracks: RunTracks, caption: Caption | None = None) -> bytes:
 
 
 def styled() -> AbstractContextManager[None]:
-    """Set of matplotlib's what pictures need, for as long as one is drawn."""
+    """Return a context in which matplotlib has the settings of pictures."""
     return mpl.rc_context({"font.family": ["DejaVu Sans"], "font.size": 9.0, "axes.linewidth": 0.8})
 
 
@@ -74,7 +74,7 @@ def make_figure(run: RunTracks, caption: Caption, *, ways: bool = True) -> Figur
     _head(figure, caption)
     height_px = HEIGHT_PX - lines_px - _TOP_PX - 92.0
     extent = extent_of(run)
-    # The plan is as large as fits, and the key begins where it ends.
+    # The plan is as large as fits, and the key begins where the plan ends.
     scale = min(height_px / (extent[3] - extent[1]), _MOST_PLAN_PX / (extent[2] - extent[0]))
     width_px = scale * (extent[2] - extent[0])
     plan = _axes(figure, _LEFT_PX, _TOP_PX, width_px, scale * (extent[3] - extent[1]))
@@ -122,7 +122,7 @@ def _bare(axes: Axes) -> None:
 
 
 def _key(axes: Axes, run: RunTracks, caption: Caption, width_px: float) -> None:
-    """Draw the key: who was in control, how the rules fared, what the marks mean. In pixels, y down."""
+    """Draw the key: shares of control, the rules' results, the meaning of marks. In pixels, y down."""
     _bare(axes)
     height_px = axes.get_position().height * HEIGHT_PX
     axes.set_xlim(0.0, width_px)
@@ -174,7 +174,7 @@ def _driver_row(axes: Axes, y: float, run: RunTracks, driver: int, share: float,
     colours = [robot_colour(run, robot_id) for robot_id in sorted(run.tracks)][: len(ROBOTS)] if driver == 0 else []
     colours = colours or [driver_colour(name)]
     for index, colour in enumerate(colours):
-        # The robots' lines are fine and stand one above the other; a module's is one bold line.
+        # The robots' lines are thin and one above the other; a module's is one bold line.
         at = y + (index - 0.5 * (len(colours) - 1)) * min(6.0, 24.0 / len(colours))
         axes.add_line(Line2D([2.0, 34.0], [at, at], color=colour, solid_capstyle="round",
                              lw=1.3 if driver == 0 else 2.6))  # fmt: skip
@@ -185,7 +185,7 @@ def _driver_row(axes: Axes, y: float, run: RunTracks, driver: int, share: float,
 
 
 def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
-    """Return the meaning of every mark, and what draws a sample of it at a height."""
+    """Return the meaning of every mark, and the function that draws a sample of it at a height."""
     robot, modules = ROBOTS[0], [driver_colour(name) for name in run.drivers[1:4]]
 
     def disc(x: float, y: float, size: float, **style: Any) -> Line2D:
@@ -228,7 +228,7 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
 
 
 def _time_line(axes: Axes, run: RunTracks, robot_id: int, caption: Caption, end: float, *, last: bool) -> None:
-    """Draw one robot's time: who was in control as a band on top, the charge as a curve below."""
+    """Draw one robot's time line: the driver as a band on top, the charge as a curve below."""
     track, colour = run.tracks[robot_id], robot_colour(run, robot_id)
     unit_s, unit = time_unit(end)
     axes.set_xlim(0.0, end / unit_s)

@@ -1,4 +1,4 @@
-"""A run seen from above: where robots drove, where control changed hands, and what was broken where."""
+"""Draws a run from above: the robots' ways, and the places of changes of control and of broken rules."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from soter.report.strokes import end_s, marks, stretches
 ALARM: Final = "#B3261E"
 
 _MARK_PT: Final = 13.0
-"""How large the marks of starts and ends are, in points."""
+"""Size of the marks of starts and ends, in points."""
 
 Extent = tuple[float, float, float, float]
 """Low x and y, high x and y, in metres."""
@@ -30,7 +30,7 @@ def robot_colour(run: RunTracks, robot_id: int) -> str:
 
 
 def extent_of(run: RunTracks) -> Extent:
-    """Return what the plan shows in metres: the fence with a rim, and wherever a robot went beyond."""
+    """Return the extent of the plan in metres: the fence with a rim, and all places of robots beyond it."""
     low_x, low_y, high_x, high_y = run.workspace.bounds
     rim_m = 0.05 * max(high_x - low_x, high_y - low_y)
     xs_m = [x for track in run.tracks.values() for x in track.x_m]
@@ -42,7 +42,7 @@ def extent_of(run: RunTracks) -> Extent:
 
 
 def draw_place(axes: Axes, run: RunTracks, extent: Extent) -> None:
-    """Draw what does not move: the ground, in metres."""
+    """Draw the ground, which does not move, in metres."""
     axes.set_xlim(extent[0], extent[2])
     axes.set_ylim(extent[1], extent[3])
     axes.set_facecolor(OUTSIDE)
@@ -58,7 +58,7 @@ def draw_place(axes: Axes, run: RunTracks, extent: Extent) -> None:
 
 
 def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> list[Artist]:
-    """Draw where robots drove from a time on, over the place, with a note under it; return what was drawn."""
+    """Draw the robots' ways from a time on, with a note at the foot of the plan; return the artists."""
     before = set(axes.get_children())
     _ways(axes, run, since_s)
     _marks(axes, run, since_s)
@@ -70,7 +70,7 @@ def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> lis
                 _disc(axes, *end, colour, "white", _MARK_PT)
                 _number(axes, *end, robot_id, colour)
             else:
-                # A ring around the start, which it would hide.
+                # An end at the start would hide it: draw a ring around it.
                 _disc(axes, *start, colour, "white", 1.5 * _MARK_PT)
             _disc(axes, *start, "white", colour, _MARK_PT)
             _number(axes, *start, robot_id, "white")
@@ -80,12 +80,12 @@ def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> lis
 
 
 def since_note(run: RunTracks, since_s: float) -> str:
-    """Return what part of a run's ways is drawn, in words; nothing if all of them are."""
+    """Return in words which part of a run's ways is drawn; empty if all of them are."""
     return f"ways of the last {(end_s(run) - since_s) / 60.0:.2g} min" if since_s > 0.0 else ""
 
 
 def _ways(axes: Axes, run: RunTracks, since_s: float) -> None:
-    # The more there is, the finer it is drawn.
+    # The more stretches there are, the thinner the lines.
     crowd = sum(len(stretches(track, since_s)) for track in run.tracks.values()) / 100.0
     fine = 1.0 if crowd < 3.0 else 0.8
     for robot_id, track in sorted(run.tracks.items()):
@@ -118,7 +118,7 @@ def _marks(axes: Axes, run: RunTracks, since_s: float) -> None:
 
 
 def _apart_pt(axes: Axes, one: tuple[float, float], other: tuple[float, float]) -> float:
-    """Return how far apart two places are drawn, in points."""
+    """Return the distance of two places on the plan, in points."""
     (x, y), (other_x, other_y) = axes.transData.transform([one, other])
     return math.hypot(x - other_x, y - other_y) * 72.0 / axes.figure.dpi
 
@@ -141,13 +141,13 @@ def draw_rule(axes: Axes, rule: Margins) -> None:
 
 
 def _note(axes: Axes, text: str, colour: str) -> None:
-    """Say something of the whole plan, at its foot."""
+    """Write a note on the whole plan at its foot."""
     axes.text(0.5, 0.004, text, transform=axes.transAxes, ha="center", va="bottom", color=colour, fontsize=8.5,
               style="italic", zorder=9)  # fmt: skip
 
 
 def draw_remark(axes: Axes, remark: Remark) -> None:
-    """Say something of a place on the plan, beside a ring around it, and to the side where there is room."""
+    """Write a label beside a ring around a place on the plan, on the side with more room."""
     colour = ALARM if remark.broken else INK
     axes.plot(
         [remark.x_m], [remark.y_m], "o", ms=22, mfc="none", mec=colour, mew=2.2 if remark.broken else 1.2, zorder=10
@@ -155,7 +155,7 @@ def draw_remark(axes: Axes, remark: Remark) -> None:
     east, north = axes.get_xlim(), axes.get_ylim()
     side = -1.0 if remark.x_m > sum(east) / 2.0 else 1.0
     up = 1.0 if remark.y_m < sum(north) / 2.0 else -1.0
-    # What was broken is said towards the middle, the rest away from it, so that two remarks on one place are apart.
+    # Broken rules are written towards the middle, others away from it, so that two labels at one place do not overlap.
     up = up if remark.broken else -up
     axes.annotate(
         remark.text, (remark.x_m, remark.y_m), (side * 22.0, up * 18.0), textcoords="offset points", color=colour,

@@ -1,4 +1,4 @@
-"""A view of a world that was rendered elsewhere, as a picture."""
+"""Writes a view of a world that was rendered elsewhere as a picture."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy.typing as npt
 from PIL import Image
 
 FINER = 2
-"""So many times larger than the picture the view is rendered, as the renderer draws jagged edges."""
+"""Factor by which views are rendered larger than the picture, since the renderer draws jagged edges."""
 
 SIZE_PX = (1200, 900)
 

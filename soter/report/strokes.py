@@ -1,4 +1,4 @@
-"""What of a run is drawn, before anything is drawn: who was in control when, for how long, and where it changed."""
+"""Computes what a picture of a run draws: the driver over time, shares of control, and places of its changes."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Final, NamedTuple
 from soter.record.tracks import RunTracks, Track
 
 LONG_S: Final = 900.0
-"""Ways of a longer run hide each other."""
+"""Length of a run above which not all of its ways are drawn, since they would hide each other."""
 
 LAST_S: Final = 600.0
-"""Of a long run only the ways of its end are drawn."""
+"""Length of the end of a long run whose ways are drawn."""
 
 
 FEW_ROBOTS: Final = 3
 CROWD_S: Final = 720.0
-"""Of more robots together, ways of so much time are drawn."""
+"""Time of ways drawn of all robots together, if there are many."""
 
 LEAST_S: Final = 60.0
 
@@ -47,7 +47,7 @@ class Mark(NamedTuple):
 
 
 def stretches(track: Track, since_s: float = -math.inf) -> list[Stretch]:
-    """Return who drove a robot, in order, from a time on."""
+    """Return the stretches of a robot with one driver each, in order, from a time on."""
     first = bisect_left(track.time_s, since_s)
     found: list[Stretch] = []
     driver, count = track.driver, len(track.time_s)
@@ -61,7 +61,7 @@ def stretches(track: Track, since_s: float = -math.inf) -> list[Stretch]:
 
 
 def end_s(run: RunTracks) -> float:
-    """Return when a run ended; 0 if there is nothing of it."""
+    """Return when a run ended; 0 without any sample."""
     return max((track.time_s[-1] for track in run.tracks.values() if len(track.time_s)), default=0.0)
 
 
@@ -75,7 +75,7 @@ def ways_since_s(run: RunTracks) -> float:
 
 
 def until(run: RunTracks, time_s: float) -> RunTracks:
-    """Return what there was of a run at a moment."""
+    """Return a run up to a moment."""
     tracks = {}
     for robot_id, track in run.tracks.items():
         end = bisect_right(track.time_s, time_s)
@@ -111,12 +111,12 @@ def place_at(track: Track, time_s: float) -> tuple[float, float] | None:
 
 
 def marks(run: RunTracks, since_s: float) -> list[Mark]:
-    """Return where robots left and got back their AC, from a time on. A change from one module to another is none."""
+    """Return the places at which ACs lost and got back control, from a time on; changes between modules have none."""
     found = []
     for switch in run.switches:
         track = run.tracks.get(switch.robot_id)
         between_modules = (switch.before is None) == (switch.after is None)
-        # Every module starts in SC: giving the robot to its AC for the first time tells nothing.
+        # Every module starts in SC, so that the first hand-over to the AC means nothing.
         starts = switch.after is None and switch.time_s <= 0.0
         if track is None or between_modules or starts or switch.time_s < since_s:
             continue
@@ -127,7 +127,7 @@ def marks(run: RunTracks, since_s: float) -> list[Mark]:
 
 
 def time_unit(seconds: float) -> tuple[float, str]:
-    """Return the unit for an axis of so many seconds: its length in seconds, and its name."""
+    """Return the unit for a time axis of some length: its length in seconds, and its name."""
     if seconds < 180.0:
         return 1.0, "s"
     return (60.0, "min") if seconds <= 4 * 3600.0 else (3600.0, "h")

@@ -1,4 +1,4 @@
-"""What of a recording goes into its page: the story of the run, what ground truth said, the figures, the versions."""
+"""Makes the data of a recording's page: the story of the run, ground truth's findings, the figures, the versions."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from soter.report.page.story import Buckets, Numbers, RobotStory, Rows, Story
 
 VERSION: Final = 1
 MOST_POSES: Final = 320_000
-"""Of all robots together."""
+"""Most poses of all robots together."""
 
 MOST_BUCKETS: Final = 36_000
-"""Of one robot."""
+"""Most buckets of one robot."""
 
 _TIME_S: Final = 1e-3
 _PLACE_M: Final = 1e-3
@@ -38,7 +38,7 @@ def extract(recording: Recording) -> tuple[str, str]:
     """Return a page's title and its data as text.
 
     Raises:
-        BadRecording: the recording is damaged, or lacks what a page shows.
+        BadRecording: the recording is damaged, or lacks data that a page shows.
         ConfigError: its workspace is not allowed.
     """
     content = recording.content()
@@ -57,14 +57,14 @@ class Document:
     """The data of a page, as text.
 
     Args:
-        story: what it shows.
-        recording: of which run; for one that goes on, what is known of it up to now.
+        story: the story that the page shows.
+        recording: the run's recording; for a run that goes on, the part up to now.
         content: its events and counts.
-        news: whether only what was not told yet goes into it, which by that is told.
-        goes_on: whether the run does.
+        news: whether to include only data that were not sent yet, which then count as sent.
+        goes_on: whether the run goes on.
 
     Raises:
-        BadRecording: the recording lacks what a page shows.
+        BadRecording: the recording lacks data that a page shows.
         ConfigError: its workspace is not allowed.
     """
 
@@ -116,7 +116,7 @@ class Document:
                 "timeS": column(robot.time_s, _TIME_S),
                 "xM": column(robot.x_m, _PLACE_M),
                 "yM": column(robot.y_m, _PLACE_M),
-                # Without jumps, differences are small.
+                # Unwrapped, so that differences are small.
                 "headingRad": column(robot.heading_rad, _HEADING_RAD, np.unwrap),
             },
             "stretches": self._rows(robot.stretches),
@@ -130,7 +130,7 @@ class Document:
                     "edge": module.edge_margin,
                     "horizonReach": module.horizon_reach,
                     **self._pair(margins, _MARGIN),
-                    # The largest bound of a bucket: what is drawn must not look better than it was.
+                    # The largest bound of a bucket, so that the chart does not look better than the run was.
                     "reach": column(reaches.high, _MARGIN),
                 }
                 for module, margins, reaches in zip(robot.modules, robot.margins, robot.reaches, strict=True)
@@ -187,11 +187,11 @@ def _box(box: Box) -> list[float]:
 
 
 def _truth(recording: Recording, content: Content, summary: Summary, *, goes_on: bool) -> dict[str, Any]:
-    """Return what ground truth saw, and how far it is known."""
+    """Return the findings of ground truth, and how far they are known."""
     result = recording.result
     counted = None if result is None else result.violations
     margins = (None if result is None else result.min_margin) or {}
-    # Judged, never judged, or without a judgement yet or for ever.
+    # Whether ground truth judged a finished run; for others, whether the judgement may still come.
     known = "no" if counted is None else "yes"
     return {
         "known": "goes on" if goes_on else "not summed up" if result is None else known,
@@ -238,7 +238,7 @@ def _figures(recording: Recording, summary: Summary) -> dict[str, Any]:
 
 
 def _battery_released_from(recording: Recording) -> float | None:
-    """Return the charge from which on a robot that went to charge is given back; None without that module."""
+    """Return the charge from which a robot that went to charge is given back; None without the battery's module."""
     if "battery" not in recording.about.modules:
         return None
     rta = recording.about.mission.get("rta")

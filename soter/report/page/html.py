@@ -14,10 +14,10 @@ from soter.report.page import extract
 from soter.report.page.story import Story
 
 PROGRAMS: Final = ("data.js", "plan.js", "charts.js", "panels.js", "tip.js", "page.js")
-"""In the order in which they run."""
+"""The programs of a page, in the order in which they run."""
 
 LIVE_PROGRAMS: Final = (*PROGRAMS[:-1], "live.js", PROGRAMS[-1])
-"""The same with what hears of a run that goes on."""
+"""The same with the one that receives the news of a run that goes on."""
 
 _SKIPS: Final = """\
 <a class="skip" href="#plan-heading">Skip to the plan</a>
@@ -29,14 +29,14 @@ def make_page(recording: Recording) -> str:
     """Return the page of a recording.
 
     Raises:
-        BadRecording: it is damaged, or lacks what a page shows.
+        BadRecording: the recording is damaged, or lacks data that a page shows.
         ConfigError: its workspace is not allowed.
     """
     return page_of(*extract.extract(recording))
 
 
 class GrowingPage:
-    """A run up to now, as a page for who comes late; and what of it is new, for pages that are open."""
+    """The page of a run that goes on: the whole of it for new viewers, and the news for open pages."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording: Final = recording
@@ -44,7 +44,7 @@ class GrowingPage:
         self._story: Final = Story(recording.about, recording.workspace())
 
     def add(self, ticks: Sequence[RecordedTick], *, goes_on: bool) -> str:
-        """Add ticks; return the data that take an open page from what was added before to what there is now."""
+        """Add ticks; return the data that bring an open page up to date."""
         for tick in ticks:
             self._content.add(tick)
         self._story.add(self._content)
@@ -53,11 +53,11 @@ class GrowingPage:
         return extract.Document(self._story, self._recording, self._content, news=True, goes_on=goes_on).packed()
 
     def whole(self, stream: str, *, goes_on: bool) -> str:
-        """Return the page of all that was added up to now.
+        """Return the page of all ticks added up to now.
 
         Args:
-            stream: where it hears of what comes next, as an address on the same server.
-            goes_on: whether anything may.
+            stream: the address of the page's news on the same server.
+            goes_on: whether the run goes on.
         """
         document = extract.Document(self._story, self._recording, self._content, goes_on=goes_on)
         return page_of(document.title, document.packed(), stream)
@@ -67,10 +67,10 @@ def page_of(title: str, data: str, stream: str = "") -> str:
     """Return a page.
 
     Args:
-        title: in its head.
-        data: of its run.
-        stream: for a run that goes on, where to hear of it: an address on the server that the page comes from. Only
-            then may a page ask for anything.
+        title: the page's title.
+        data: the run's data.
+        stream: for a run that goes on, the address of its news on the page's own server. Only with one may a page
+            make requests.
     """
     body = Template(_asset("run.html")).substitute(
         data=data, stream=f' data-stream="{escape(stream)}"' if stream else ""
@@ -92,17 +92,17 @@ def frame(
     tools: str = "",
     connections: str = "",
 ) -> str:
-    """Return a page with the head that all pages have.
+    """Return a page with the head common to all pages.
 
     Args:
-        title: of the page.
-        subtitle: below it.
-        body: what follows, as HTML.
+        title: the page's title.
+        subtitle: the line below the title.
+        body: the rest of the page, as HTML.
         style: CSS.
         programs: JavaScript, in the order in which they run.
-        skips: links for who reads without a mouse, as HTML.
+        skips: links for readers without a mouse, as HTML.
         tools: buttons beside the one for the theme, as HTML.
-        connections: what the page may ask for, as a part of its content security policy; nothing by default.
+        connections: the part of the page's content security policy that allows requests; none by default.
     """
     return Template(_asset("page.html")).substitute(
         title=escape(title), subtitle=escape(subtitle), body=body, style=style, skips=skips, tools=tools,

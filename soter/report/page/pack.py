@@ -1,8 +1,8 @@
-"""Numbers of a run as a page carries them: columns of quantised differences, deflated, in base64.
+"""Packs the numbers of a run for its page: columns of quantised differences, deflated, in base64.
 
-The data are a JSON document and columns behind it. A column is a first value and the differences of its neighbours, all
-counted in quanta, in the smallest integers that hold them; where numbers are infinite, or are no numbers, a second
-column says so. Steady motion makes small differences, which deflate well.
+The data are a JSON document and the columns behind it. A column is a first value and the differences between
+neighbours, all counted in quanta, in the smallest integers that hold them; a second column flags values that are
+infinite or NaN. Steady motion makes small differences, which deflate well.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 _LEVEL: Final = 9
 _MOST: Final = (1 << 31) - 1
-# Two neighbours may stand at the two ends of what can be counted; a float holds their difference exactly.
+# Two neighbours may be the least and the largest countable value; a float holds their difference exactly.
 _KINDS: Final = {"i1": (1 << 7) - 1, "i2": (1 << 15) - 1, "i4": _MOST, "f8": 2 * _MOST}
 
 PLUS_INFINITY: Final = 1
@@ -28,7 +28,7 @@ NO_NUMBER: Final = 3
 
 
 class Columns:
-    """Collects columns; each is known by its number."""
+    """Collects columns, each with a number."""
 
     def __init__(self) -> None:
         self._heads: Final[list[dict[str, Any]]] = []
@@ -38,15 +38,15 @@ class Columns:
         """Add a column and return its number.
 
         Args:
-            values: what is in it; what is too large for its quantum is cut to what 2^31 quanta can say.
-            quantum: what is told apart, in the values' unit; above 0.
-            since: how many values of a column that was told before stay as they are; these come behind them.
+            values: the column's values, clipped to 2^31 quanta.
+            quantum: the resolution, in the values' unit; above 0.
+            since: how many values of the column were sent before and stay; these ones follow them.
         """
         numbers = np.asarray(values, dtype=np.float64)
         finite = np.isfinite(numbers)
         head: dict[str, Any] = {"count": len(numbers), "quantum": quantum, "first": 0, "since": since}
         if len(numbers):
-            # Cut first: what is beyond may be too large to be divided.
+            # Clipped first: larger values may overflow in the division.
             kept = np.clip(_filled(numbers, finite), -_MOST * quantum, _MOST * quantum)
             counted = np.clip(np.rint(kept / quantum), -_MOST, _MOST).astype(np.int64)
             head["first"] = int(counted[0])
@@ -75,12 +75,12 @@ class Columns:
 
 
 def fewest_steps(count: int, most: int) -> int:
-    """Return into how many neighbours a bucket has to gather so that there are at most so many buckets."""
+    """Return how many neighbours a bucket has to gather so that there are at most `most` buckets."""
     return max(1, -(-count // most))
 
 
 def buckets(values: ArrayLike, step: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the least and the largest value of every `step` neighbours; what is no number counts where it is alone."""
+    """Return the least and the largest value of every `step` neighbours; NaN only if all of them are NaN."""
     numbers = np.asarray(values, dtype=np.float64)
     starts = np.arange(0, len(numbers), step)
     if not len(starts):
@@ -89,13 +89,13 @@ def buckets(values: ArrayLike, step: int) -> tuple[NDArray[np.float64], NDArray[
 
 
 def starts_of_runs(values: Iterable[int]) -> list[int]:
-    """Return the indices at which a value differs from the one before, with the first index."""
+    """Return the first index, and those at which a value differs from the one before."""
     numbers = np.fromiter(values, dtype=np.int64)
     return [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist()] if len(numbers) else []
 
 
 def _filled(numbers: NDArray[np.float64], finite: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the numbers with the last finite one in place of what is not finite, so that differences stay small."""
+    """Return the numbers with each non-finite one replaced by the last finite one, so that differences stay small."""
     if finite.all():
         return numbers
     last = np.maximum.accumulate(np.where(finite, np.arange(len(numbers)), 0))

@@ -1,7 +1,7 @@
-"""Margins of the rules from where robots were, for a run in which no module knew any.
+"""Computes the rules' margins from the robots' places, for a run without modules, which records none.
 
-They are what ground truth measures: to the fence from a robot's centre, to a box from its body, between two centres,
-each less what the mission promises. A run without modules is judged by these alone.
+They are those of ground truth: the distance of a robot's centre to the fence, of its body to a box, and of two centres,
+each less the distance that the mission promises.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ RULES: Final = ("collision", "obstacle", "geofence")
 
 
 class RuleMargins:
-    """Adds margins to the samples of a run without modules."""
+    """Adds the rules' margins to the series of a run without modules."""
 
     def __init__(self, about: About, workspace: Workspace) -> None:
         self._workspace: Final = workspace
@@ -30,7 +30,7 @@ class RuleMargins:
         self._radius_m: Final = {each.robot_id: body_radius_m(each) for each in about.robots}
 
     def add(self, series: Mapping[int, Series]) -> None:
-        """Put the margins of every sample into the series, by rule."""
+        """Add the margins of every sample to the series, by rule."""
         places = {robot: (np.array(each.x_m), np.array(each.y_m)) for robot, each in series.items()}
         apart = {robot: np.full(len(x), np.inf) for robot, (x, _) in places.items()}
         for one, other in combinations(places, 2):
@@ -50,16 +50,16 @@ class RuleMargins:
 
 
 def modules_of(robot: RobotAbout) -> tuple[ModuleAbout, ...]:
-    """Return the modules whose margins a page shows of a robot; those of the rules where it had none."""
+    """Return the modules whose margins a page shows for a robot; without modules, those of the rules."""
     return robot.modules or tuple(ModuleAbout(rule, 0.0, 0.0, "m") for rule in RULES)
 
 
 def body_radius_m(robot: RobotAbout) -> float:
-    """Return the radius of a robot's body, 0.1 m where it was not said."""
+    """Return the radius of a robot's body; 0.1 m if it was not recorded."""
     return float(robot.capabilities.get("body_radius_m", 0.1))
 
 
 def _promised_m(mission: Mapping[str, Any], module: str) -> float:
-    """Return from where on the mission counts a rule as broken, with its modules or without."""
+    """Return the distance below which a rule counts as broken in the mission, with or without modules."""
     found = mission.get("rta", {}).get(module, {}).get("phi_safe_m", 0.0)
     return float(found)

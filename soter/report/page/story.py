@@ -1,8 +1,8 @@
-"""What a page shows of a run, and how it grows: thinned out, so that a long run stays small.
+"""The story of a run for its page, which grows with the run; thinned out, so that a long run stays small.
 
-Exact are all events: who drove from when to when, disengagements and their causes, targets, goals, violations, gaps.
-Poses are thinned out to every so many ticks. Margins and charges are gathered into buckets, of which the least and
-the largest value are kept, so that no minimum is lost.
+All events are exact: drivers over time, disengagements and their causes, targets, goals, violations, gaps. One pose is
+kept of some ticks. Margins and charges are gathered into buckets, of which the least and the largest value are kept,
+so that no minimum is lost.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ S = TypeVar("S", bound=MutableSequence[Any])
 
 
 class IncrementalSeries(Generic[S]):
-    """A sequence of which only what is new or has changed need be told.
+    """A sequence of which only new or changed values need to be sent.
 
     Args:
-        values: the sequence; it is kept, and may be looked at.
+        values: the sequence, which is kept and may be read.
     """
 
     def __init__(self, values: S) -> None:
@@ -46,16 +46,16 @@ class IncrementalSeries(Generic[S]):
         self._told = min(self._told, index)
 
     def cut(self, count: int) -> None:
-        """Keep only so many."""
+        """Keep only the first `count` values."""
         del self.values[count:]
         self._told = min(self._told, count)
 
     def whole(self) -> tuple[int, S]:
-        """Return index 0 and all values, for a viewer that joins late; does not count as told to the others."""
+        """Return index 0 and all values, for a new viewer; they do not count as sent to the others."""
         return 0, self.values
 
     def news(self) -> tuple[int, S]:
-        """Return from which index on something was not told yet, and everything from there on; now it is told."""
+        """Return the first index not sent yet, and all values from there on, which now count as sent."""
         since, self._told = self._told, len(self.values)
         return since, self.values[since:]  # type: ignore[return-value]
 
@@ -77,7 +77,7 @@ class Numbers(IncrementalSeries["array[float]"]):
         self.values.frombytes(np.asarray(more, dtype=np.float64).tobytes())
 
     def replace(self, numbers: NDArray[np.float64]) -> None:
-        """Have other numbers from the first one on."""
+        """Replace all numbers."""
         self.cut(0)
         self.add(numbers)
 
@@ -86,14 +86,14 @@ T = TypeVar("T")
 
 
 class Buckets:
-    """The least and the largest of every so many neighbours."""
+    """The least and the largest value of each bucket of neighbours."""
 
     def __init__(self) -> None:
         self.low: Final = Numbers()
         self.high: Final = Numbers()
 
     def add(self, values: array[float], first: int, step: int) -> None:
-        """Gather values, of which the first one has a number; the last bucket may have had room."""
+        """Gather values, the first of which has the number `first`; the last bucket may still have room."""
         numbers = np.asarray(values, dtype=np.float64)
         room = -first % step
         if room and len(numbers) and self.low.values:
@@ -114,16 +114,16 @@ class RobotStory:
     """One robot.
 
     Attributes:
-        about: what was said of it before the first tick.
-        modules: whose margins there are.
+        about: the robot's description.
+        modules: the modules with margins.
         time_s, x_m, y_m, heading_rad: its poses.
-        stretches: rows of begin in fleet time and index of who drove from then on.
-        bucket_s: when each bucket begins.
-        charge: buckets.
-        margins, reaches: buckets, a pair for each module.
-        targets: rows of number, begin, end, x, y and outcome; what has not ended has no end.
-        goals: columns: begin and end in fleet time, x, y, and 1 where the AC sent the goal.
-        way_s, way_begin, way_x_m, way_y_m: when each way was meant, at which place it begins, and all places.
+        stretches: rows of start in fleet time and index of the driver from then on.
+        bucket_s: start of each bucket.
+        charge: charges, in buckets.
+        margins, reaches: margins and reach bounds, in buckets, for each module.
+        targets: rows of number, begin, end, x, y and outcome; without an end until it has ended.
+        goals: columns: start and end in fleet time, x, y, and 1 if the AC sent the goal.
+        way_s, way_begin, way_x_m, way_y_m: time of each way of the AC, index of its first place, and all places.
     """
 
     def __init__(self, about: RobotAbout) -> None:
@@ -143,7 +143,7 @@ class RobotStory:
         self._extra_pose = False
 
     def add(self, series: Series, first: int, pose_ticks: int, bucket_ticks: int) -> None:
-        """Add ticks, of which the first one has a number."""
+        """Add ticks, the first of which has the number `first`."""
         if not series.time_s:
             return
         self._add_poses(series, first, pose_ticks)
@@ -159,7 +159,7 @@ class RobotStory:
             reach.add(series.reaches.get(module.name, nothing), first, bucket_ticks)
 
     def _add_poses(self, series: Series, first: int, step: int) -> None:
-        """Add every so-manieth pose, and the last one for as long as it is the last."""
+        """Add every `step`-th pose, and the last one for as long as it is the last."""
         poses = ((self.time_s, series.time_s), (self.x_m, series.x_m), (self.y_m, series.y_m),
                  (self.heading_rad, series.heading_rad))  # fmt: skip
         if self._extra_pose:
@@ -178,7 +178,7 @@ class RobotStory:
         count = len(self.time_s.values) - self._extra_pose
         self._extra_pose = self._extra_pose or count % 2 == 0
         for column in (self.time_s, self.x_m, self.y_m, self.heading_rad):
-            # A copy: what is looked at as an array cannot be shortened.
+            # A copy, since an array cannot be shortened while a view of it exists.
             numbers = np.array(column.values)
             kept = numbers[:count:2]
             column.replace(np.append(kept, numbers[-1:]) if self._extra_pose else kept)
@@ -190,7 +190,7 @@ class RobotStory:
             each.halve()
 
     def add_target(self, target: TargetEvent) -> None:
-        """Note that a target has begun or ended."""
+        """Add a target that has begun, or the end of one."""
         at = self._target_at.get(target.target_id)
         if not target.outcome:
             row = [target.target_id, rounded_s(target.time_s), None, target.x_m, target.y_m, ""]
@@ -205,10 +205,10 @@ class RobotStory:
             self.targets.set(at, row)
 
     def add_goal(self, goal: GoalEvent) -> None:
-        """Note that a goal was sent or has ended."""
+        """Add a goal that was sent, or the end of one."""
         end_s = self.goals[1]
         if end_s.values and np.isinf(end_s.values[-1]):
-            # The next goal supersedes one that nobody ended.
+            # The next goal supersedes one that has not ended.
             end_s.set(-1, goal.time_s)
         if goal.status == "active":
             values = (goal.time_s, np.inf, goal.x_m, goal.y_m, float(goal.by == AC))
@@ -216,7 +216,7 @@ class RobotStory:
                 column.add([value])
 
     def add_way(self, way: RecordedWay) -> None:
-        """Note what the AC means to drive."""
+        """Add a way that the AC intends to drive."""
         self.way_s.add([way.time_s])
         self.way_x_m.add([x for x, _ in way.places])
         self.way_y_m.add([y for _, y in way.places])
@@ -227,19 +227,19 @@ class Story:
     """All robots.
 
     Args:
-        about: what was said before the first tick.
-        workspace: where it was.
-        pose_ticks: of so many ticks one pose is kept.
-        bucket_ticks: so many ticks are gathered.
+        about: the description of the run.
+        workspace: its workspace.
+        pose_ticks: number of ticks of which one pose is kept.
+        bucket_ticks: number of ticks gathered in a bucket.
 
     Attributes:
         drivers: "AC" and the names of the modules.
-        robots: in their order.
-        switches: rows of fleet time, robot, who drove before and after, module, cause, modules that joined.
-        drops: rows of fleet time, first tick that is missing, and how many are.
+        robots: the robots' stories, in their order.
+        switches: rows of fleet time, robot, driver before and after, module, cause, modules that joined.
+        drops: rows of fleet time, first missing tick, and number of missing ticks.
         breaches: rows of robot, assumption, fleet time of the first and last look of a spell, looks, cause, and rows of
             the worst: excess, unit, fleet time and cause.
-        stalls: rows of robot, begin, end, module and cause; what has not ended has no end.
+        stalls: rows of robot, begin, end, module and cause; without an end until it has ended.
     """
 
     def __init__(self, about: About, workspace: Workspace, pose_ticks: int = 1, bucket_ticks: int = 1) -> None:
@@ -257,7 +257,7 @@ class Story:
         self._told: Final[dict[tuple[object, ...], tuple[int, object]]] = {}
 
     def add(self, content: Content) -> None:
-        """Add what is in a content's series, and the events that it did not have the last time."""
+        """Add a content's series, and its events since the last call."""
         count = 0
         if self._rules is not None:
             self._rules.add(content.series)
@@ -268,7 +268,7 @@ class Story:
         self._ticks += count
         by_id = {robot.about.robot_id: robot for robot in self.robots}
         for target in self._unseen("targets", content.targets):
-            # A task planner may give some to robots of other processes, too.
+            # A task planner may also give targets to robots of other processes.
             if target.robot_id in by_id:
                 by_id[target.robot_id].add_target(target)
         for goal in self._unseen("goals", content.goals):
@@ -284,7 +284,7 @@ class Story:
             self._put(self.stalls, stalled, stall, _stall)
 
     def thin_out(self, most_poses: int, most_buckets: int) -> None:
-        """Keep half of the detail wherever there is too much of it; see `soter.report.page.extract` for what is."""
+        """Halve the detail of poses or buckets beyond these limits; see `soter.report.page.extract`."""
         while sum(len(robot.time_s.values) for robot in self.robots) > most_poses:
             self.pose_ticks *= 2
             for robot in self.robots:
@@ -299,7 +299,7 @@ class Story:
         return events[since:]
 
     def _put(self, rows: Rows, key: tuple[object, ...], event: T, row: Callable[[T], list[object]]) -> None:
-        """Have a row for an event of which there may have been a word before."""
+        """Add a row for an event, or replace that of an earlier event with the same key."""
         at, told = self._told.get(key, (len(rows.values), None))
         if told is None:
             rows.add([row(event)])
@@ -326,5 +326,5 @@ def _stall(stall: StallEvent) -> list[object]:
 
 
 def rounded_s(time_s: float) -> float:
-    """Return a time as exactly as a page says it."""
+    """Return a time rounded as on a page."""
     return round(time_s, 4)
