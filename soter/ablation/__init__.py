@@ -1,1 +1,1 @@
-"""The same mission with modules left out, and what that costs."""
+"""Ablation: runs the same mission with one thing changed or left out, and compares."""

@@ -1,4 +1,4 @@
-"""What each part of the safety modules is worth: the same mission again and again, with one thing changed at a time."""
+"""Measures the worth of each part of the safety modules: runs the same mission with one thing changed at a time."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ DELTAS_S: Final[Mapping[str, tuple[float, ...]]] = {
     "geofence": (0.05, 0.25, 0.5, 1.0, 2.0, 4.0),
     "battery": (0.5, 1.0, 10.0, 60.0),
 }
-"""Periods to try."""
+"""By module, values of Delta to try."""
 
 ATTACKERS: Final[Mapping[str, str]] = {
     "collision": "chase",
     "obstacle": "fastest-to-boundary",
     "geofence": "fastest-to-boundary",
 }
-"""The adversary that finds out when a module looks too late; the battery has none, since it takes hours to be flat."""
+"""By module, the adversary that shows when Delta is too long; none for the battery, which takes hours to run flat."""
 
 SAFER: Final[Mapping[str, tuple[str, tuple[float, ...]]]] = {
     "collision": ("phi_safer_m", (0.4, 0.46, 0.5, 0.6, 0.7)),
@@ -49,10 +49,10 @@ ALONE_S: Final[Mapping[str, tuple[float, ...]]] = {
     "obstacle": (0.05, 1.0, 2.0),
     "geofence": (0.5, 2.0, 4.0),
 }
-"""Periods to try where phi_safer alone decides whether the AC gets control."""
+"""By module, values of Delta to try if phi_safer alone decides whether the AC gets control."""
 
 AHEAD: Final = (2.0, 1.0, 0.5, 0.0)
-"""How many Delta the switching test looks ahead, whatever the lease."""
+"""How many Delta the switching test looks ahead, regardless of the lease."""
 
 _POLL_S: Final = 0.2
 
@@ -64,12 +64,12 @@ class Variant:
     """The mission with one thing changed.
 
     Attributes:
-        group: what is varied.
-        name: how.
-        overrides: values that take the place of the mission's, by dotted key.
+        group: the thing that is changed.
+        name: the change.
+        overrides: values that replace the mission's, by dotted key.
         deltas: how many Delta the modules look ahead; None for what proofs need.
-        safer_alone: they give back wherever phi_safer holds.
-        intact: nothing is taken away: no rule may be broken unless the variant is ill-formed.
+        safer_alone: whether modules give control back wherever phi_safer holds.
+        intact: whether all modules are kept, so that no rule may be broken unless the variant is ill-formed.
     """
 
     group: str
@@ -85,8 +85,8 @@ class VariantRun:
     """One run of a variant, or why there was none.
 
     Attributes:
-        variant: what was run.
-        seed: with which seed.
+        variant: the variant.
+        seed: the seed.
         result: the figures; None if nothing was run.
         ill_formed: why the variant is refused; empty for a well-formed one.
         failure: why there is no result although it is not refused; empty if there is one.
@@ -100,16 +100,16 @@ class VariantRun:
 
     @property
     def breaks_promise(self) -> bool:
-        """Whether a rule was broken that the modules, as they are declared, promise to keep."""
+        """Whether a rule was broken that the declared modules promise to keep."""
         intact = self.variant.intact and not self.ill_formed
         return intact and self.result is not None and self.result.violated
 
 
 def variants(own: Iterable[str] = ()) -> list[Variant]:
-    """Return everything that is tried, the mission as it is first.
+    """Return all variants; the first is the unchanged mission.
 
     Args:
-        own: names of the modules of the user's own that the mission has.
+        own: names of the mission's user-made modules.
     """
     found = [
         Variant("mission", "as declared"),
@@ -152,13 +152,13 @@ def variants(own: Iterable[str] = ()) -> list[Variant]:
 
 @dataclass(frozen=True)
 class Plan:
-    """What to run.
+    """The mission and settings of all runs.
 
     Attributes:
         mission: the mission file.
-        overrides: what the command line says; a variant's own come on top.
-        seeds: each variant runs once with each.
-        force: ill-formed variants run all the same.
+        overrides: the command line's settings; a variant's own override them.
+        seeds: the seeds; each variant runs once with each.
+        force: whether ill-formed variants run all the same.
     """
 
     mission: Path
@@ -167,7 +167,7 @@ class Plan:
     force: bool
 
     def run(self, variant: Variant, seed: int, stop: Callable[[], bool] = lambda: False) -> VariantRun:
-        """Run one variant once. What is wrong with a variant is part of its outcome."""
+        """Run one variant once. Errors become part of the outcome."""
         refusals: list[str] = []
 
         def note(refusal: IllFormedModule) -> None:
@@ -189,7 +189,7 @@ _stop: Event | None = None
 
 
 def _begin(stop: Event) -> None:
-    """Prepare a worker: Ctrl-C is the first process's business, which sets `stop`."""
+    """Prepare a worker process, which ignores Ctrl-C: the first process sets `stop` for it."""
     global _stop
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -202,7 +202,7 @@ def _work(plan: Plan, variant: Variant, seed: int) -> VariantRun:
 def run_all(
     plan: Plan, chosen: Sequence[Variant], jobs: int, stop: Callable[[], bool] = lambda: False
 ) -> Iterator[VariantRun]:
-    """Run variants in so many processes at a time; yield outcomes as they come, until stopped: that ends runs early.
+    """Run variants in `jobs` processes; yield outcomes as they come. Once `stop` returns True, runs end early.
 
     Raises:
         RunFailed: a process died.
@@ -219,7 +219,7 @@ def run_all(
                 for future in done:
                     yield future.result()
         except BrokenProcessPool as death:
-            # Ctrl-C reaches workers too, and those that have just begun do not know yet that it is not for them.
+            # Ctrl-C also reaches workers, and those that have just begun do not ignore it yet.
             if not stop():
                 raise RunFailed("a process of variants has died; the machine may have run out of memory") from death
         finally:

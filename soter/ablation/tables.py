@@ -40,7 +40,7 @@ GROUPS: Final[Mapping[str, str]] = {
     "dwell": "How long a robot must have been in phi_safer, all modules alike.",
     "adversary": "Whatever the AC is, no rule breaks. Adversaries are given no targets, and reach none.",
 }
-"""What stands above a group's table, by how the group's name begins."""
+"""The text above a group's table, by the beginning of the group's name."""
 
 _FIGURES: Final = (
     "Violations and least margins are those of ground truth: a charge from 0 to 1, then metres. Throughput is compared "
@@ -57,16 +57,16 @@ class VariantRow:
 
     @property
     def results(self) -> list[RunResult]:
-        """What was run to its end or stopped on the way."""
+        """The results of the runs that were made, also of those that were stopped."""
         return [outcome.result for outcome in self.outcomes if outcome.result is not None]
 
     @property
     def reached_per_hour(self) -> float | None:
-        """Targets reached for each hour of a robot; None if nothing was run."""
+        """Targets reached per robot-hour; None if nothing was run."""
         return _per_hour(self.results, [result.targets_reached for result in self.results])
 
     def cells(self, ac_only: float | None) -> list[str]:
-        """Return the line; `ac_only` is the AC's own throughput, to compare with."""
+        """Return the table's line; `ac_only` is the throughput of the AC alone, to compare with."""
         results, remark = self.results, self._remark()
         if not results:
             return [self.variant.name, *[""] * (len(HEAD) - 2), remark]
@@ -87,7 +87,7 @@ class VariantRow:
         ]
 
     def _own_violations(self) -> list[str]:
-        """Return the violations of rules of the user's own, with their names, which are not in the head."""
+        """Return the violations of user-made rules, with their names, since the table's head lacks these."""
         names = dict.fromkeys(rule for r in self.results for rule in r.violations or () if rule not in RULES)
         return [f"{name} {sum((r.violations or {}).get(name, 0) for r in self.results)}" for name in names]
 
@@ -128,7 +128,7 @@ def ac_only(found: Sequence[VariantRow]) -> float | None:
 
 
 def markdown(found: Sequence[VariantRow], command: str) -> str:
-    """Return the page."""
+    """Return the page of an ablation."""
     results = [result for row in found for result in row.results]
     seeds = sorted({outcome.seed for row in found for outcome in row.outcomes})
     first = results[0] if results else None
