@@ -2,13 +2,13 @@
 
 import gc
 
-# Reading the commands makes much that stays and no garbage; looking through it, now and while the help is made, would
-# be a fifth of what `--help` takes.
+# Loading the commands makes many objects that stay and no garbage; to collect it would take a fifth of the time of
+# `--help`.
 gc.disable()
 try:
     from soter.cli.app import app, main
 except KeyboardInterrupt:
-    # Ctrl-C while modules are still being read: there is nothing yet that could be stopped.
+    # Ctrl-C while modules are still being loaded: there is nothing to stop yet.
     raise SystemExit(130) from None
 finally:
     gc.freeze()

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from soter.ablation.tables import VariantRow
 
 _LABEL: Final = 19
-"""What 80 columns leave of a line for a variant's name; the rest of it stands beside the next rule."""
+"""Width of a variant's name on a terminal of 80 columns; the rest of the name goes beside the next rule."""
 
 EXAMPLES = """Examples:
   soter ablate examples/surveillance.toml --only 'without*' --duration 600
@@ -110,7 +110,7 @@ def _matches(variant: Variant, pattern: str) -> bool:
 
 
 def _numbers(text: str) -> list[int]:
-    """Return the seeds."""
+    """Return the seeds in the value of `--seeds`."""
     parts = [part.strip() for part in text.split(",")]
     if not all(part.isascii() and part.isdecimal() for part in parts):
         raise option_error(
@@ -123,7 +123,7 @@ def _numbers(text: str) -> list[int]:
 
 
 def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> tuple[list[VariantRun], int | None]:
-    """Run everything and show how far it is; return also the signal that ended it, if one did."""
+    """Run all variants and show the progress; return also the signal that ended the runs, if there was one."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -147,7 +147,7 @@ def _run(plan: Plan, chosen: Sequence[Variant], jobs: int, console: Console) -> 
 
 
 def _show(found: Sequence[VariantRow], console: Console) -> None:
-    """Print one line for each variant and rule that says something; the whole tables are written by --markdown."""
+    """Print a line for each variant and rule with a finding; --markdown writes the whole tables."""
     from rich.text import Text
 
     from soter.ablation.tables import ac_only

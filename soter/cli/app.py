@@ -1,4 +1,4 @@
-"""The commands put together. A command imports what it needs when it is called, so that `soter --help` is quick."""
+"""Assembles the commands. Each command imports its libraries when it is called, so that `soter --help` is quick."""
 
 from __future__ import annotations
 
@@ -86,13 +86,13 @@ def _options(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Take the options that stand before a command; they have callbacks of their own."""
+    """Accept the options before a command; they have callbacks of their own."""
 
 
 def main() -> None:
     """Run the command line and exit."""
     files = guard_streams(complain_of_room)
-    # Completion asks for options of commands that are not named yet.
+    # Completion needs the options of commands that are not named yet.
     completes = "_SOTER_COMPLETE" in os.environ
     try:
         command = typer.main.get_command(app if completes else only(app, sys.argv))
@@ -106,13 +106,13 @@ def main() -> None:
         command(prog_name="soter")
     except SystemExit as end:
         for stream in (sys.stdout, sys.stderr):
-            # Foreign code may have closed it, or put something else in its place.
+            # Foreign code may have closed or replaced the stream.
             with suppress(OSError, ValueError, AttributeError):
                 stream.flush()
         if any(file.full for file in files):
             end.code = ExitCode.RUN_FAILED
         if any(not thread.daemon for thread in {*threading.enumerate()} - before):
-            # Foreign code may have left threads that never end, and Python would wait for them.
+            # Foreign code may have left threads that never end, for which Python would wait.
             last = threading.Timer(_ENDS_S, os._exit, [end.code or 0])
             last.daemon = True
             last.start()

@@ -36,7 +36,7 @@ def backends(json: Annotated[bool, switch("--json", "Print it as JSON.")] = Fals
             ],
             gives_way=3,
         )  # fmt: skip
-        # Not in the table: a command that is broken into lines cannot be copied.
+        # Below the table, since a command that is broken into lines cannot be copied.
         for row in rows:
             if not row.available:
                 console.print(row.problem, soft_wrap=True)

@@ -59,7 +59,7 @@ _SHOWN: Final = 7
 
 
 class _RunByDefault(TyperGroup):
-    """A group in which a file stands for `run` and the file."""
+    """A group whose default command is `run`, for a first argument that is a file."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
@@ -127,10 +127,10 @@ def run(
 
 
 def needs(*libraries: str) -> None:
-    """Refuse to go on where a library of an extra is missing.
+    """Check that the libraries of an extra are installed.
 
     Raises:
-        ConfigError: says what to install.
+        ConfigError: one is missing; says what to install.
     """
     from soter.registry import install_hint
 
@@ -152,7 +152,7 @@ def _new_store(given: Path | None, file: Path, fresh: bool) -> Path:
             ) from failure
         given = RUNS / f"{file.stem}.sqlite"
     if fresh and given.exists():
-        # Only a campaign's own store is thrown away, and none that is being written.
+        # Opening it refuses a file that is no store, or one that is being written.
         Store(given, write=True).close()
         given.unlink()
     return given
@@ -181,7 +181,7 @@ def _workers(jobs: int, cluster: str | None) -> Workers:
 
 
 def _run(campaign: Campaign, store: Store, workers: Workers, stop: Callable[[], bool], console: Console) -> None:
-    """Run, and show how far it is."""
+    """Run the campaign, and show its progress."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from soter.campaign.session import run_campaign
@@ -218,7 +218,7 @@ def _words(totals: Totals) -> str:
 
 
 def _sum_up(campaign: Campaign, store: Store, console: Console) -> int:
-    """Print what came out and return the exit code that it stands for."""
+    """Print the results and return the exit code for them."""
     from rich.text import Text
 
     from soter.campaign.report.cells import cells
@@ -227,7 +227,7 @@ def _sum_up(campaign: Campaign, store: Store, console: Console) -> int:
     from soter.sdk import RULES
 
     found = [cells(group)[:_SHOWN] for group in groups(store.rows())]
-    # The rest is in the store, and on the page of `soter campaign report`.
+    # The other figures are in the store, and on the page of `soter campaign report`.
     head = ("part and setting", "runs", "robot-\nhours", "violations", "at most per\nrobot-hour", "AC\nshare")
     rows = [(f"{part} {setting}", runs.replace(", ", "\n"), *others) for part, setting, runs, *others in found]
     print_table(console, head, rows)

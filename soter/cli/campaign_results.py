@@ -1,4 +1,4 @@
-"""`soter campaign report` and `soter campaign compare`: what came out."""
+"""`soter campaign report` and `soter campaign compare`."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def report(
 
 
 def _record_worst(store: Store, count: int, folder: Path, console: Console) -> None:
-    """Make the runs with the least margins again, recorded, with a page each."""
+    """Repeat the runs with the least margins, record them, and make a page of each."""
     from soter.campaign.again import job_of
     from soter.campaign.conditions import figure
     from soter.campaign.job import carry_out
@@ -132,7 +132,7 @@ def compare(
             raise ConfigError("no run on the left has one of the same seed and setting on the right", key="--left")
         found = compared(paired)
         head = [each.replace(", ", ",\n").replace(" at ", "\nat ").replace(" - ", "\n- ") for each in DIFFERENCE_HEAD]
-        # With its longest name in two lines the table has room for an interval in two, on a terminal of 80 columns.
+        # On a terminal of 80 columns, the table needs its longest name and its intervals in two lines each.
         rows = [[each.replace("_total", "_\ntotal") for each in difference_cells(one)] for one in found]
         print_table(make_console(), head, rows, gives_way=len(head) - 2)
         words = f"left: {left} {' '.join(left_is or ())}, right: {right or left} {' '.join(right_is or ())}"

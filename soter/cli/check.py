@@ -146,7 +146,7 @@ def _print(console: Console, report: MissionReport) -> None:
         verdict = each.verdict.value
         head = (f"{each.module:<{width}}  {each.condition:<3}  ", (f"{verdict:<8}", _STYLES[verdict]))
         text = each.text
-        if console.file.isatty():  # below itself, and not below the name; elsewhere a finding is a line
+        if console.file.isatty():  # indented below its own start; in files and pipes, each finding is one line
             begins = width + len("  P2a  REJECTED  ")
             text = f"\n{'':{begins}}".join(wrap(text, max(console.width - begins, 20)))
         console.print(Text.assemble(*head, f"  {text}"), soft_wrap=True)
@@ -156,7 +156,7 @@ def _print(console: Console, report: MissionReport) -> None:
 
 
 def _print_what_would_do(console: Console, subject: dict[str, Any]) -> None:
-    """Print the tables of all modules that keep distances, with numbers that fit each other, or why there are none."""
+    """Print tables with numbers that would do for all modules that keep distances, or why there are none."""
     from soter.check.tune import what_would_do
     from soter.config.toml_text import toml
 
@@ -228,7 +228,7 @@ def _write_example(
 
 
 def _replay(console: Console, path: Path, files: Outputs) -> ExitCode:
-    """Run a counterexample again; return 1 if it breaks what it broke."""
+    """Run a counterexample again; return 1 if it breaks the same condition as before."""
     from soter.check.trial import read_counterexample, trace_hash
     from soter.cli.outputs import as_json, unwritten
 

@@ -1,4 +1,4 @@
-"""What a shell completes beyond commands and options: their values. Nothing is imported before it is asked for."""
+"""Completes the values of arguments and options in a shell. Imports are made only when they are needed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def engines() -> list[str]:
 
 
 def targets() -> list[str]:
-    """Return the sets that targets are drawn from."""
+    """Return the names of target sets."""
     from soter.config.tables import Targets
 
     return [*get_args(Targets)]
@@ -40,7 +40,7 @@ def planners() -> list[str]:
 
 
 def modules(incomplete: str) -> list[str]:
-    """Return the modules that a list separated by commas may go on with."""
+    """Return the completions of a list of modules separated by commas."""
     from soter.config.tables import MODULES
 
     before, comma, _ = incomplete.rpartition(",")
@@ -48,14 +48,14 @@ def modules(incomplete: str) -> list[str]:
 
 
 def scripts(incomplete: str) -> list[str]:
-    """Return what a mission may be: the surveillance mission, and scripts."""
+    """Return the values of `--mission`: the surveillance mission, and scripts."""
     from soter.config.tables import SURVEILLANCE
 
     return [SURVEILLANCE, *_files(incomplete, ".py")]
 
 
 def controllers(incomplete: str) -> list[str]:
-    """Return who the ACs may be: the mission's, adversaries, and files with classes of one's own."""
+    """Return the values of `--ac`: the mission, adversaries, and files with a user's classes."""
     from soter.controllers.names import ADVERSARIES, MISSION, PREFIX
 
     return [MISSION, *(PREFIX + name for name in ADVERSARIES), *_files(incomplete, ".py")]
@@ -67,7 +67,7 @@ def missions(incomplete: str) -> list[str]:
 
 
 def robots(incomplete: str) -> list[str]:
-    """Return whose robots a conformance kit may try: backends, and mission files."""
+    """Return what the conformance kit can try: backends, and mission files."""
     return [*backends(), *missions(incomplete)]
 
 
@@ -77,9 +77,9 @@ def recordings(incomplete: str) -> list[str]:
 
 
 def _files(incomplete: str, ending: str) -> list[str]:
-    """Return files of one kind and folders that begin so; a folder that is alone stands for what is in it.
+    """Return files of one kind and folders that begin with `incomplete`; a single folder is replaced by its content.
 
-    A shell would take a folder for the end of the word.
+    Otherwise a shell would take that folder for the end of the word.
     """
     folder = Path(incomplete).parent if not incomplete.endswith("/") else Path(incomplete)
     name = incomplete.rpartition("/")[2]
@@ -96,10 +96,10 @@ def _files(incomplete: str, ending: str) -> list[str]:
 
 
 def answer(command: Callable[[], object]) -> None:
-    """Answer a shell that asks what may follow.
+    """Print the completions for a shell.
 
-    Bash takes colons and equals signs for words of their own, asks with them so, and puts what it is told in place of
-    what stands behind them. Fish and zsh put it in place of the whole word: of `--backend=k` too.
+    Bash treats colons and equals signs as words of their own, and replaces only the text behind them with a completion.
+    Fish and zsh replace the whole word, such as `--backend=k`.
     """
     cut = _join() if "COMP_CWORD" in os.environ else 0
     word = os.environ.get("_TYPER_COMPLETE_ARGS", "").rpartition(" ")[2]
@@ -116,7 +116,7 @@ def answer(command: Callable[[], object]) -> None:
 
 
 def _join() -> int:
-    """Make one word of what bash has split; return how many characters of an answer it has to be spared."""
+    """Join the words that bash has split; return how many characters to leave out at the start of each completion."""
     words, at = os.environ["COMP_WORDS"].split("\n"), int(os.environ["COMP_CWORD"])
     if at >= len(words):
         return 0

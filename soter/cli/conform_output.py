@@ -1,4 +1,4 @@
-"""What `soter conform` shows, and the files that it writes."""
+"""The display of `soter conform`, and the files that it writes."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from soter.conformance.record import NOT_DECLARED, overall
 
 WIDTH: Final = 34
 _BUSY: Final = 2.0
-"""Programs that run or wait to, for each core of the host, from which on what is late may be the host's doing."""
+"""Running and waiting programs per core of the host, from which on delays may be due to the host."""
 
 _STYLES: Final = {"PASS": "green", "FAIL": "bold red", "NOT TESTED": "yellow"}
 
 
 class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
-    """Shows outcomes as they come: a line each, and below them, on a terminal, what is being tried.
+    """Shows outcomes as they come, a line each; on a terminal, the clauses being tried below them.
 
     Attributes:
-        load: programs that ran or waited to for each core of the host as a clause failed by something late, at most.
+        load: the most running and waiting programs per core of the host when a clause failed by a delay.
     """
 
     def __init__(self, console: Console, total: int) -> None:
@@ -52,7 +52,7 @@ class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
             self._status.stop()
 
     def begin(self, clauses: Collection[Clause]) -> None:
-        """Say what is being tried."""
+        """Show which clauses are being tried."""
         if self._status is not None:
             self._status.update(f"{self._done} of {self._total} done  {', '.join(each.id for each in clauses)}")
 
@@ -65,7 +65,7 @@ class Outcomes(contextlib.AbstractContextManager["Outcomes"]):
 
 
 class Files:
-    """The record in files, whole at every moment: written anew with every outcome.
+    """Writes the record into files after every outcome, so that they are whole at every moment.
 
     Standard output, pipes and devices get it at the end. The files are those of `--json` and `--junit`, by option.
     """
@@ -75,11 +75,11 @@ class Files:
         self._failed: Final[set[str]] = set()
 
     def keep_up(self, record: Record) -> None:
-        """Write what can be written again and again."""
+        """Write the files that can be replaced."""
         self._write(record, [option for option, file in self._files.items() if file.replaceable])
 
     def finish(self, record: Record) -> bool:
-        """Write everything; return whether all of it could be written."""
+        """Write all files; return whether that succeeded."""
         self._write(record, self._files)
         return not self._failed
 
@@ -110,7 +110,7 @@ def _line(outcome: Outcome) -> Text:
         (f"{verdict:<10}", _STYLES[verdict]), (f" {outcome.host_s:5.1f} s", "dim"), f"  {outcome.clause.id:<{WIDTH}}"
     )
     if outcome.reason:
-        # What was promised, and what was found instead.
+        # A failed clause: its contract, and the reason.
         return line.append(
             f"{outcome.clause.contract}\n{'':20}{outcome.reason}" if verdict == "FAIL" else outcome.reason
         )
@@ -125,7 +125,7 @@ def _figure(figure: Figure) -> str:
 
 
 def print_list(console: Console, clauses: list[Clause]) -> None:
-    """Print clauses with what they need."""
+    """Print clauses with their needs."""
     for each in clauses:
         needs = ", ".join((*each.hooks, *each.needs))
         extra = f" (needs {needs})" if needs else ""
@@ -133,12 +133,12 @@ def print_list(console: Console, clauses: list[Clause]) -> None:
 
 
 def print_summary(console: Console, record: Record, host_s: float, load: float = 0.0) -> None:
-    """Print what was measured beside what was promised, what was not tested, and the verdict.
+    """Print the promises with their measured values, the clauses that were not tested, and the verdict.
 
     Args:
-        console: where to.
-        record: of the clauses.
-        host_s: how long it took.
+        console: the console to print on.
+        record: the record of the clauses.
+        host_s: host time of the whole run.
         load: see `Outcomes`.
     """
     _print_promises(console, record)

@@ -1,4 +1,4 @@
-"""Where commands write to: for people, and for programs."""
+"""Consoles for the output of commands, to people and to programs."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from soter.cli.plain import behind, plain
 
 
 class HumanConsole(Console):
-    """A rich console whose colours and cursor are its own."""
+    """A rich console on which printed texts cannot set colours or move the cursor."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Yield what a renderable is made of; of what it says, nothing moves a cursor."""
+        """Yield the segments of a renderable, without control characters in its texts."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(plain(segment.text), segment.style)
 
@@ -23,21 +23,21 @@ class HumanConsole(Console):
 def make_console(*, stderr: bool = False) -> HumanConsole:
     """Return a console on standard output or standard error.
 
-    What goes into a file or a pipe has no colours and no control characters, unless FORCE_COLOR asks for them.
+    Files and pipes get no colours and no control characters, unless FORCE_COLOR asks for them.
     """
     file = behind(sys.stderr if stderr else sys.stdout)
     return HumanConsole(file=file, highlight=False, markup=False, emoji=False)
 
 
 def is_live(console: Console) -> bool:
-    """Return whether a display on this console may overwrite itself: it is a terminal that can move its cursor."""
+    """Return whether a display on this console may overwrite itself, on a terminal that can move its cursor."""
     return console.file.isatty() and not console.is_dumb_terminal
 
 
 def print_table(
     console: Console, head: Sequence[str], rows: Iterable[Sequence[RenderableType]], gives_way: int = 0
 ) -> None:
-    """Print a table of which one column gives way where there is little room: it is folded, and nothing is cut off."""
+    """Print a table; if there is little room, the column `gives_way` is folded, and nothing is cut off."""
     from rich import box
     from rich.table import Table
 

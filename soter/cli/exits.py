@@ -22,7 +22,7 @@ from soter.errors import BackendError, ConfigError, IllFormedModule, SoterError
 
 
 class ExitCode(IntEnum):
-    """What the exit code of `soter run` says.
+    """The exit codes of `soter run`.
 
     An interrupted run exits with 128 and the signal's number, as shells have it: 130 for Ctrl-C.
     """
@@ -40,20 +40,20 @@ Force = Annotated[bool, switch("--force", "Replace files that are there already.
 
 def complain(message: str) -> None:
     """Write a message for the user to standard error, in one piece and without wrapping it."""
-    # Where nobody can be told any more, the exit code still says it.
+    # If standard error is gone, only the exit code remains.
     with suppress(OSError):
         typer.secho("error: ", fg=typer.colors.RED, bold=True, nl=False, file=behind(sys.stderr))
         typer.echo(plain(message), err=True)
 
 
 def complain_of_room(failure: OSError) -> None:
-    """Say that a disk is full."""
+    """Write a message that a disk is full."""
     complain(f"nothing more can be written: {failure.strerror}; make room, or write elsewhere")
 
 
 @contextmanager
 def guard() -> Iterator[None]:
-    """Turn what can go wrong in a command into a message and an exit code."""
+    """Turn the exceptions of a command into a message and an exit code."""
     try:
         yield
     except (ConfigError, BackendError, IllFormedModule) as failure:
@@ -64,7 +64,7 @@ def guard() -> Iterator[None]:
         raise typer.Exit(ExitCode.RUN_FAILED) from failure
     except KeyboardInterrupt as failure:
         complain("interrupted")
-        # `StopSignals.raising` says by which signal.
+        # `StopSignals.raising` passes the signal's number.
         raise typer.Exit(128 + failure.args[0] if failure.args else ExitCode.INTERRUPTED) from failure
     except typer.Exit:
         raise
@@ -85,7 +85,7 @@ def guard() -> Iterator[None]:
 
 
 def _missing(failure: ImportError) -> str:
-    """Return what to do about a library of an extra that is not there; empty for one that is none of ours."""
+    """Return how to install a missing library of an extra; empty for other libraries."""
     from soter.registry import install_hint
 
     hint = install_hint(failure.name or "")
@@ -95,13 +95,13 @@ def _missing(failure: ImportError) -> str:
 class StopSignals:
     """Notes the first Ctrl-C, request to terminate or loss of the terminal, so that the run can stop its robots.
 
-    The next one is not caught.
+    A second signal is not caught.
 
-    A context manager, and a callable that says whether to stop. It changes signal handlers only in the main thread,
-    the only one that may.
+    A context manager, and a callable that returns whether to stop. Signal handlers are changed only in the main thread,
+    since no other may.
 
     Attributes:
-        received: the number of the signal that came, or None.
+        received: the number of the received signal, or None.
     """
 
     SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -113,7 +113,7 @@ class StopSignals:
 
     @contextmanager
     def raising(self) -> Iterator[None]:
-        """Raise KeyboardInterrupt as soon as a signal comes, or has come already: for what waits and asks nobody."""
+        """Raise KeyboardInterrupt once a signal is received, or was before: for code that waits without polling."""
         self._raises = True
         try:
             if self.received is not None:
@@ -124,7 +124,7 @@ class StopSignals:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            # Who was started to live on without its terminal, as by nohup, does.
+            # A process that was started to outlive its terminal, as by nohup, keeps ignoring that signal.
             wanted = [
                 each for each in self.SIGNALS if each != signal.SIGHUP or signal.getsignal(each) != signal.SIG_IGN
             ]
@@ -152,7 +152,7 @@ class StopSignals:
 
 
 def _let_go_of_terminal() -> None:
-    """Write nowhere instead of to a terminal that has gone: nothing that is still to be done may fail because of it."""
+    """Redirect output from a terminal that has gone to nowhere, so that the remaining work cannot fail by writing."""
     for fd in (sys.stdout.fileno(), sys.stderr.fileno()):
         if stat.S_ISCHR(os.fstat(fd).st_mode) and not os.isatty(fd):
             nowhere = os.open(os.devnull, os.O_WRONLY)

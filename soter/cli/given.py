@@ -1,4 +1,4 @@
-"""A robot of a mission file that is there already, for `soter measure` and `soter conform`."""
+"""A robot of a mission file that the kit does not start, for `soter measure` and `soter conform`."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ RobotNumber = Annotated[
 def read_given(
     mission: Path, backend: str | None, settings: list[str] | None, robot: int | None, room_m: float | None
 ) -> Given:
-    """Return a robot of a mission file, and where it may be driven.
+    """Return a robot of a mission file, and the room in which it may be driven.
 
     Raises:
-        ConfigError: bad input: there is no such robot, no room was said, or it is not free.
+        ConfigError: bad input: there is no such robot, no room was given, or the room is not free.
     """
     from soter.conformance.given import Given
     from soter.registry import load_backend

@@ -1,4 +1,4 @@
-"""What `--help` says, and how quickly: epilogs that fit the terminal, and options that are read only where needed."""
+"""Makes `--help` fit the terminal, and quick: only needed options are loaded."""
 
 from __future__ import annotations
 
@@ -55,23 +55,23 @@ def _bare_group(group: Any) -> Any:
 
 
 def tidy(command: Any, columns: int | None = None, above: typer.Context | None = None) -> None:
-    """Have the help of a command, and of all below it, fit.
+    """Fit the help of a command, and of all its subcommands, to the terminal.
 
-    Arguments and options that take no value name no type, and epilogs are broken where a reader would break them.
+    Arguments and options without a value name no type, and epilogs are broken where a reader would break them.
 
     Args:
-        command: made by typer.
-        columns: of the terminal; None for those that there are.
-        above: the context of the command that this one is below, which says what options ask for help.
+        command: a command made by typer.
+        columns: width of the terminal; None for the actual one.
+        above: the context of the parent command, which has the names of the help options.
     """
     context = typer.Context(command, above, **command.context_settings)
     width = max(_LEAST_COLUMNS, (columns or shutil.get_terminal_size().columns) - 2)
-    # With the option for the help itself.
+    # Includes the help option.
     for option in command.get_params(context):
         if getattr(option, "is_flag", False):
             option.metavar = ""
         if option.param_type_name == "argument":
-            # Its name says what it is, such as FILE.mcap; typer would add the type of Python's.
+            # Its name shows the kind of value, such as FILE.mcap; typer would add the Python type.
             option.display_type_rich = lambda ctx: None
     if command.epilog:
         command.epilog = fit(command.epilog, width)
@@ -80,9 +80,9 @@ def tidy(command: Any, columns: int | None = None, above: typer.Context | None =
 
 
 def fit(epilog: str, width: int) -> str:
-    """Return an epilog in lines of at most so many characters: commands in pieces that can be pasted into a shell.
+    """Return an epilog in lines of at most `width` characters; broken commands can still be pasted into a shell.
 
-    Every line is a paragraph, with the lines after it that are indented further.
+    Every line is a paragraph, together with the further indented lines after it.
     """
     return "\n\n".join(_paragraph(each, width) for each in _PARAGRAPHS.split(epilog.rstrip()))
 
@@ -98,11 +98,11 @@ def _paragraph(text: str, width: int) -> str:
 
 
 def _command(text: str, width: int) -> str:
-    """Break a command before options; an option that takes a value keeps it."""
+    """Break a command before options; an option stays together with its value."""
     first, *options = re.split(r" (?=--?[a-z])", text)
     lines = [first]
     for option in options:
-        # Room for what says that a line goes on.
+        # Room for the backslash that continues a line.
         if len(lines[-1]) + 1 + len(option) + 2 <= width:
             lines[-1] += f" {option}"
         else:

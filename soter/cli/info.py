@@ -117,7 +117,7 @@ def _judged(summary: Summary) -> str:
     counts = _counts(summary.violations)
     if not summary.unknown:
         return counts
-    # None that was seen is no finding where not all was looked at.
+    # No recorded violation does not mean none if ground truth did not judge the whole run.
     return f"{counts} as far as is known: {summary.unknown}" if summary.violations else f"unknown: {summary.unknown}"
 
 

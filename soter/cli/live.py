@@ -1,4 +1,4 @@
-"""How `soter run` shows a run while it goes on, and holds virtual time to the clock."""
+"""The live views of `soter run`, and the pace of virtual time."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
     from soter.live.view import LiveView
 
 APP_PORT: Final = 8765
-"""Where the Foxglove app looks if nobody tells it otherwise."""
+"""The default port of the Foxglove app."""
 
 _SLICE_S: Final = 0.05
-"""Host time after which Ctrl-C is noticed at the latest while a tick waits."""
+"""Longest host time until Ctrl-C is noticed while a tick waits."""
 
 
 class Views:
-    """The views of a run that were asked for.
+    """The requested views of a run.
 
     Args:
-        live: whether the page is.
-        live_port: its port; None for one that is free.
-        foxglove: whether the server for the Foxglove app is.
-        foxglove_port: its port; None for `APP_PORT`.
-        opened: whether a browser is to be opened.
-        leave: whether the page goes when the run has ended.
+        live: whether to show the live page.
+        live_port: the page's port; None for a free one.
+        foxglove: whether to start the server for the Foxglove app.
+        foxglove_port: the server's port; None for `APP_PORT`.
+        opened: whether to open a browser.
+        leave: whether to close the page when the run has ended.
 
     Raises:
-        ConfigError: something was said of a view that was not asked for, or a library is missing.
+        ConfigError: an option belongs to a view that was not requested, or a library is missing.
     """
 
     def __init__(
@@ -66,18 +66,18 @@ class Views:
 
     @contextmanager
     def shown(self, recording: Path | None, console: Console) -> Iterator[Path | None]:
-        """Start them, and say where they are.
+        """Start the views, and print their addresses.
 
         Args:
-            recording: where the run is recorded, or None. Views show what is recorded: a run that leaves no recording
-                has one all the same while they are wanted, in a temporary folder.
+            recording: the file that the run is recorded in, or None. Views show a recording: without one, they need
+                one in a temporary folder.
             console: for the addresses.
 
         Yields:
-            Where to record it, or None.
+            The file to record the run in, or None.
 
         Raises:
-            ConfigError: a port cannot be had.
+            ConfigError: a port is not available.
         """
         from soter.live.view import LiveView
 
@@ -94,12 +94,12 @@ class Views:
             yield recording
 
     def begin(self, path: Path) -> None:
-        """Show a recording: the head of it is written by now."""
+        """Show a recording whose head is already written."""
         for view in self._started:
             view.begin(path)
 
     def stay(self, console: Console) -> None:
-        """Return when nobody is to look any more at a run that has ended."""
+        """Keep the live page after the run's end until Ctrl-C, unless it is to be closed."""
         if self._stays and not self._started[0].gone:
             console.print(f"the page stays until Ctrl-C: {self._started[0].address}", soft_wrap=True)
             _wait(self._started[0])
@@ -121,7 +121,7 @@ def _wait(view: LiveView) -> None:
 
 
 def pace_of(times: float | None, mission: MissionFile, stop: Callable[[], bool]) -> Callable[[float], None] | None:
-    """Return what holds a run to so many times the clock, until stopped; None is as fast as can be.
+    """Return a function that holds a run to `times` the speed of the clock, until stopped; None for no limit.
 
     Raises:
         ConfigError: the robots have a clock of their own.
@@ -138,7 +138,7 @@ def pace_of(times: float | None, mission: MissionFile, stop: Callable[[], bool])
 
 
 class _Pace:
-    """Holds virtual time to the clock: no tick begins early. Time that a slow host has lost is not made up for."""
+    """Holds virtual time to the clock: no tick begins early. Delays of a slow host are not made up for."""
 
     def __init__(self, times: float, stop: Callable[[], bool]) -> None:
         self._times: Final = times

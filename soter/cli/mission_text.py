@@ -1,4 +1,4 @@
-"""Mission files that commands write."""
+"""The text of mission files that commands write."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from soter.loading import file_of
 
 
 def mission_text(mission: MissionFile, changes: Mapping[str, Any], target: Path, head: str) -> str:
-    """Return a mission as the text of another file; all files in it are named as seen from where that is.
+    """Return a mission as the text of another file, with all paths relative to that file.
 
     Args:
-        mission: as it was read.
-        changes: tables in place of its own.
-        target: the file.
-        head: a line that says where it is from.
+        mission: the mission.
+        changes: tables that replace the mission's own.
+        target: the other file.
+        head: a first line with the text's origin.
     """
 
     def seen(path: Path) -> str:

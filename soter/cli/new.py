@@ -1,4 +1,4 @@
-"""`soter new`: packages to begin with."""
+"""`soter new`: writes packages to begin with."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ def adapter(
 
 
 def check_name(name: str) -> None:
-    """Refuse what cannot be a backend's name, a part of a package's, and a class's.
+    """Check that a name can be a backend's, and part of a package's and of a class's.
 
     Raises:
-        ConfigError: it cannot.
+        ConfigError: the name cannot be used.
     """
     from soter.registry import BUILT_IN
 
@@ -73,10 +73,10 @@ def check_name(name: str) -> None:
 
 
 def write_adapter(name: str, folder: Path) -> list[Path]:
-    """Write the package of an adapter into a folder that is new or empty, and return its files.
+    """Write the package of an adapter into a new or empty folder, and return its files.
 
     Raises:
-        ConfigError: there is something in the folder's place, or it cannot be written; then nothing is left in it.
+        ConfigError: the path is not free, or the folder cannot be written; then no file is left in it.
     """
     written: list[Path] = []
     try:
@@ -88,7 +88,7 @@ def write_adapter(name: str, folder: Path) -> list[Path]:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(_filled(source.read_text(encoding="utf-8"), name), encoding="utf-8")
     except OSError as failure:
-        # It was new or empty, and is again, so that the command can be given once more.
+        # Leave the folder new or empty as it was, so that the command can be repeated.
         for path in written:
             with suppress(OSError):
                 path.unlink(missing_ok=True)

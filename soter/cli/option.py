@@ -1,4 +1,4 @@
-"""Options of commands, a line each: what stands for the value, and what the help says."""
+"""Short forms for options of commands: placeholder of the value and help text."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import typer
 
 
 def option(metavar: str, text: str, *names: str, **more: Any) -> Any:
-    """Return an option that takes a value; without names it is called as its parameter is.
+    """Return an option that takes a value; without names, it is named after its parameter.
 
     Args:
-        metavar: what stands for the value.
-        text: what the help says.
-        names: such as "--output" and "-o".
-        more: for `typer.Option`.
+        metavar: the placeholder of the value.
+        text: the help text.
+        names: names such as "--output" and "-o".
+        more: further arguments of `typer.Option`.
     """
     return typer.Option(*names, metavar=metavar, help=text, **more)
 

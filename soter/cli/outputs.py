@@ -17,7 +17,7 @@ from soter.cli.exits import ExitCode, complain
 from soter.errors import ConfigError, option_error
 
 _TO_STDOUT: Final = ("--json", "--junit")
-"""Options of which the file may be `-`."""
+"""Options whose file may be `-`."""
 _DRAWN: Final = {
     "--picture": (".png", "soter.report.picture"),
     "--png": (".png", "soter.report.picture"),
@@ -25,14 +25,14 @@ _DRAWN: Final = {
     "--mp4": (".mp4", "soter.report.mp4"),
     "--still": (".png", "soter.cli.still"),
 }
-"""Options for pictures and films: how the name of the file ends, and the module that draws it."""
+"""Options for pictures and films: ending of the file's name, and library that draws it."""
 
 
 class Output:
-    """A file to be written, at the end, or again and again.
+    """A file to write once at the end, or repeatedly.
 
     Raises:
-        ConfigError: it cannot be written there.
+        ConfigError: the file cannot be written.
     """
 
     def __init__(self, path: Path, option: str) -> None:
@@ -45,10 +45,10 @@ class Output:
         self._try()
 
     def write(self, data: bytes) -> None:
-        """Write the file as a whole, or leave what was there before; what has come there meanwhile is not replaced.
+        """Write the file as a whole or not at all. A file that was made there meanwhile is not replaced.
 
         Raises:
-            OSError: it cannot be written after all.
+            OSError: the file cannot be written after all.
         """
         if not self.replaceable:
             self._target.write_bytes(data)
@@ -59,7 +59,7 @@ class Output:
                 self._part.replace(self._target)
             else:
                 appear(self._part, self._target)
-                # From now on it is this command's own.
+                # From now on the file is this command's own.
                 self._replaces = True
         except OSError:
             self._part.unlink(missing_ok=True)
@@ -67,7 +67,7 @@ class Output:
 
     @property
     def replaceable(self) -> bool:
-        """Whether writing again replaces what was written, as in files, and does not follow it, as in pipes."""
+        """Whether writing again replaces the content, as in files, instead of appending to it, as in pipes."""
         return not self._target.exists() or self._target.is_file()
 
     def _try(self) -> None:
@@ -81,7 +81,7 @@ class Output:
             if self._target.exists() and not os.access(self._target, os.W_OK):
                 raise self._refusal("it may not be written")
             if self.replaceable:
-                # Whether a folder takes files is only known from making one: rights are not all there is to it.
+                # Only making a file shows whether the folder takes one: permissions do not tell everything.
                 self._part.touch()
                 self._part.unlink()
         except OSError as failure:
@@ -103,38 +103,38 @@ class StandardOutput:
 
 
 def is_there(path: Path) -> bool:
-    """Return whether there is something at a path; a name that cannot be has nothing."""
+    """Return whether a path exists; False for impossible names."""
     return os.path.exists(path)  # noqa: PTH110 - Path.exists() raises for a name that is too long
 
 
 def appear(part: Path, target: Path) -> None:
-    """Give a file its name, unless there is another file of that name by now.
+    """Rename a file to its final name, unless another file has that name by now.
 
     Raises:
-        FileExistsError: there is.
-        OSError: it cannot be done.
+        FileExistsError: another file has the name.
+        OSError: the file cannot be renamed.
     """
     try:
         target.hardlink_to(part)
     except FileExistsError:
         raise
     except OSError:
-        # A file system without links.
+        # The file system has no links.
         part.replace(target)
     else:
         part.unlink()
 
 
 def refuse_clashes(outputs: Mapping[str, Path | None], inputs: Iterable[Path] = (), *, force: bool = False) -> None:
-    """Refuse what would be lost: a file that is there, that two options name, or that the command reads.
+    """Refuse to overwrite a file that exists, that two options name, or that the command reads.
 
     Args:
-        outputs: by option; None means not given. Pipes and devices may be named twice, and - is standard output.
+        outputs: files by option; None if not given. Pipes and devices may be named twice, and - is standard output.
         inputs: the files that the command reads.
-        force: files that are there may be replaced.
+        force: whether existing files may be replaced.
 
     Raises:
-        ConfigError: names the option and what the file is already.
+        ConfigError: names the option and the other use of the file.
     """
     taken = {path.resolve(): "the command reads it" for path in inputs}
     for option, path in outputs.items():
@@ -142,7 +142,7 @@ def refuse_clashes(outputs: Mapping[str, Path | None], inputs: Iterable[Path] = 
             continue
         target = path.resolve()
         try:
-            # Unlike `is_there`, it raises for a name that no system takes.
+            # Unlike `is_there`, this raises for an impossible name.
             if target.exists() and not target.is_file():
                 continue
         except OSError as failure:
@@ -156,7 +156,7 @@ def refuse_clashes(outputs: Mapping[str, Path | None], inputs: Iterable[Path] = 
 
 @contextmanager
 def unwritten(what: str) -> Iterator[None]:
-    """Say that something could not be written, where that is so, and end with `ExitCode.RUN_FAILED`."""
+    """If something cannot be written, print a message and exit with `ExitCode.RUN_FAILED`."""
     try:
         yield
     except OSError as failure:
@@ -165,14 +165,14 @@ def unwritten(what: str) -> Iterator[None]:
 
 
 class Outputs:
-    """The files that a command is asked for, by option: `--json` of a path or `-`, `--picture` of a PNG, and others.
+    """The output files of a command, by option: `--json` with a path or `-`, `--picture` with a PNG, and others.
 
     Attributes:
-        files: those that were given, by option.
+        files: the given files, by option.
 
     Raises:
-        ConfigError: one of them cannot be written, is of another kind, there is nothing to draw it with, or something
-            would be lost; see `refuse_clashes`.
+        ConfigError: a file cannot be written, has another ending, lacks the library to draw it, or would overwrite
+            another one; see `refuse_clashes`.
     """
 
     def __init__(self, given: Mapping[str, Path | None], inputs: Iterable[Path] = (), *, force: bool = False) -> None:
@@ -181,14 +181,14 @@ class Outputs:
 
     @property
     def to_stdout(self) -> bool:
-        """Whether one of them is standard output, which then is for nothing else."""
+        """Whether one of the files is standard output, which must then get nothing else."""
         return any(isinstance(file, StandardOutput) for file in self.files.values())
 
     def write(self, option: str, make: Callable[[], bytes]) -> None:
-        """Make what an option asks for, if it was given, and write it.
+        """Make the content of an option's file and write it, if the option was given.
 
         Raises:
-            OSError: it cannot be written after all.
+            OSError: the file cannot be written after all.
         """
         if option in self.files:
             self.files[option].write(make())
@@ -217,5 +217,5 @@ def _opened(option: str, path: Path) -> Output | StandardOutput:
 
 
 def as_json(content: object, *, allow_nan: bool = False) -> bytes:
-    """Return what a command writes as JSON, for people too."""
+    """Return content as JSON that people can read, too."""
     return f"{json.dumps(content, indent=2, allow_nan=allow_nan, default=str)}\n".encode()

@@ -47,7 +47,7 @@ def module_list(text: str) -> list[str]:
     """Split the value of `--modules`.
 
     Raises:
-        ConfigError: it names none.
+        ConfigError: the value names no module.
     """
     names = [name for part in text.split(",") if (name := part.strip())]
     if not names:
@@ -56,10 +56,10 @@ def module_list(text: str) -> list[str]:
 
 
 def parse_setting(setting: str) -> tuple[str, object]:
-    """Split one `--set key=value`. The value is read as TOML; what is not TOML is taken as a text.
+    """Split one `--set key=value`. The value is read as TOML, or else taken as a text.
 
     Raises:
-        ConfigError: it is not of that form.
+        ConfigError: the setting is not of that form.
     """
     key, equals, text = setting.partition("=")
     key, text = key.strip(), text.strip()
@@ -71,19 +71,19 @@ def parse_setting(setting: str) -> tuple[str, object]:
         found = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return key, text
-    # A line break in the value would smuggle in more keys.
+    # A line break in the value could add more keys.
     return key, found["value"] if len(found) == 1 else text
 
 
 def from_here(name: str | None) -> str | None:
-    """Return a name from the command line; a file in it is relative to the present folder, not to the mission file."""
+    """Return a name from the command line; a file in it is relative to the working directory, not the mission file."""
     from soter.loading import seen_from
 
     return None if name is None else seen_from(Path.cwd(), name)
 
 
 def merge(options: Mapping[str, object], settings: Sequence[str] | None) -> dict[str, object]:
-    """Return the overrides that options by dotted key (None is not given) and `--set` ask for.
+    """Return the overrides by options, given by dotted key (None if not given), and by `--set`.
 
     Raises:
         ConfigError: a setting is malformed, or a key is given twice.
@@ -98,7 +98,7 @@ def merge(options: Mapping[str, object], settings: Sequence[str] | None) -> dict
 
 
 def load_with_engine(path: Path, overrides: Mapping[str, object], engine: str | None = None) -> MissionFile:
-    """Read a mission; `engine` becomes an option of whichever backend the mission then has.
+    """Read a mission; `engine` becomes an option of the mission's backend, after the overrides.
 
     Raises:
         ConfigError: the file or an override is not allowed.

@@ -1,9 +1,9 @@
-"""What commands write, without anything in it that a terminal would obey.
+"""Removes all control characters that a terminal would obey from the output of commands.
 
-Names of files, machines and robots, causes and texts of recordings are anybody's. Escape sequences in them would move
-the cursor, retitle the window or answer for the user; marks of direction would show one name as another. All that
-a command writes passes `plain`: what is printed by `emit` and `complain`, what rich renders (see `soter.cli.console`),
-what is logged, and by `guard_streams` all the rest.
+Names of files, machines and robots, causes and texts of recordings are untrusted. Escape sequences in them could move
+the cursor, retitle the window or answer for the user; marks of direction could show one name as another. All output of
+a command passes `plain`: texts printed by `emit` and `complain`, texts that rich renders (see `soter.cli.console`),
+log messages, and by `guard_streams` everything else.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from collections.abc import Callable
 from typing import Any, Final, TextIO
 
 FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What the system says where a disk, a user's share of it, or what a file may hold is full."""
+"""Errors of the system if a disk, a user's quota, or the largest size of a file is exhausted."""
 
 _LEFT: Final = (errno.EPIPE, errno.ESHUTDOWN, errno.ECONNRESET, errno.EBADF)
-"""What it says where the reader has left, or foreign code has closed the file."""
+"""Errors of the system if the reader has left, or foreign code has closed the file."""
 
 _UNSAFE: Final = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # C0 but tabulators and ends of lines, DEL, C1
@@ -33,7 +33,7 @@ _STYLE: Final = re.compile(r"(\x1b\[[0-9;]*m)")
 
 
 def plain(text: str) -> str:
-    """Return a text with what is not for eyes written out as JSON does, in which it then means the same as before."""
+    """Return a text with invisible characters as JSON's escapes, so that JSON keeps its meaning."""
     return _UNSAFE.sub(_written_out, text)
 
 
@@ -48,25 +48,25 @@ def emit(text: str) -> None:
 
 
 class Unfailing(io.FileIO):
-    """A file that takes all that is written to it, and ends no command: robots may depend on that.
+    """A file whose writes never fail, so that output cannot end a command on which robots depend.
 
     Args:
-        fd: of the file.
-        on_full: called once, with what the system said, where a disk is full. That a reader has left is told to nobody.
+        fd: the file's descriptor.
+        on_full: called once, with the error, if a disk is full. A reader that has left is not reported.
 
     Attributes:
-        full: whether something was lost because a disk was full.
+        full: whether data were lost because a disk was full.
     """
 
     def __init__(self, fd: int, on_full: Callable[[OSError], None]) -> None:
         super().__init__(fd, "wb", closefd=False)
         self._on_full: Final = on_full
-        # Of a terminal that is gone the system says what it says of a broken disk, and no more that it is a terminal.
+        # For a terminal that is gone the system reports the error of a broken disk, and no longer a terminal.
         self._left: Final = (*_LEFT, errno.EIO) if stat.S_ISCHR(os.fstat(fd).st_mode) else _LEFT
         self.full = False
 
     def write(self, data: Any) -> int | None:  # type: ignore[override]
-        """Write what can be written; return the length of all of it."""
+        """Write as much data as possible; return the length of all of them."""
         try:
             return super().write(data)
         except OSError as failure:
@@ -82,8 +82,8 @@ class PlainStream(io.TextIOBase):
     """A text stream that writes through `plain`.
 
     Args:
-        stream: where to.
-        styled: whether colours pass, and nothing else: only where none can come from outside.
+        stream: the stream to write to.
+        styled: whether colours pass, but no other sequences; only for texts without untrusted colours.
     """
 
     def __init__(self, stream: TextIO, *, styled: bool = False) -> None:
@@ -99,7 +99,7 @@ class PlainStream(io.TextIOBase):
         return True
 
     def flush(self) -> None:
-        # It is flushed once more when it is collected, after what it writes to may have been closed.
+        # Also called by the garbage collector, when the stream behind may already be closed.
         if not self.stream.closed:
             self.stream.flush()
 
@@ -123,14 +123,14 @@ class PlainStream(io.TextIOBase):
 
 
 class PlainFormatter(logging.Formatter):
-    """Formats what is logged, tracebacks included, as `plain`."""
+    """Formats log messages, tracebacks included, through `plain`."""
 
     def format(self, record: logging.LogRecord) -> str:
         return plain(super().format(record))
 
 
 def behind(stream: TextIO) -> TextIO:
-    """Return where a stream leads to, for those whose own colours and moves of the cursor are to pass."""
+    """Return the stream behind a `PlainStream`, for a console whose own colours and cursor moves must pass."""
     return stream.stream if isinstance(stream, PlainStream) else stream
 
 
@@ -138,7 +138,7 @@ _STREAMS: Final = ("stdin", "stdout", "stderr")
 
 
 def _open_what_is_closed() -> None:
-    """Have nowhere for a standard stream that is closed: the next file that is opened would take its place."""
+    """Open the null device for closed standard streams, whose descriptors the next opened file would get."""
     while (fd := os.open(os.devnull, os.O_RDWR)) < len(_STREAMS):
         os.set_inheritable(fd, True)
         setattr(sys, _STREAMS[fd], os.fdopen(fd, "w" if fd else "r", closefd=False))
@@ -146,15 +146,15 @@ def _open_what_is_closed() -> None:
 
 
 def guard_streams(on_full: Callable[[OSError], None]) -> list[Unfailing]:
-    """Let nothing that a terminal obeys out of this process by standard output or standard error.
+    """Make standard output and standard error write through `plain`.
 
-    What the library of the command line says of wrong usage has colours; it repeats what the command was called with.
+    The command-line library's messages on wrong usage have colours, and repeat the command's arguments.
 
     Args:
-        on_full: called once for each of the two that is on a full disk, instead of failing.
+        on_full: called once for each of the two streams on a full disk, instead of failing.
 
     Returns:
-        Where the two write to.
+        The files behind the two streams.
     """
     _open_what_is_closed()
     harmless = all(plain(argument) == argument for argument in sys.argv)
@@ -162,7 +162,7 @@ def guard_streams(on_full: Callable[[OSError], None]) -> list[Unfailing]:
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if isinstance(stream, io.TextIOWrapper):
-            # A terminal that cannot show a character gets a question mark, not the end of the run.
+            # A character that a terminal cannot show becomes a question mark, instead of an error that ends the run.
             stream.reconfigure(errors="replace")
             if stream is getattr(sys, f"__{name}__"):
                 stream = _unfailing(stream, file := Unfailing(stream.fileno(), on_full))
@@ -176,7 +176,7 @@ def guard_streams(on_full: Callable[[OSError], None]) -> list[Unfailing]:
 def _unfailing(stream: io.TextIOWrapper, file: Unfailing) -> TextIO:
     stream.flush()
     return io.TextIOWrapper(
-        # As Python does where it is told to keep nothing back.
+        # As Python does for unbuffered output.
         file if stream.write_through else io.BufferedWriter(file),
         encoding=stream.encoding,
         errors=stream.errors,

@@ -1,4 +1,4 @@
-"""What `soter run` shows while a mission runs: a live table on a terminal, a line now and then elsewhere."""
+"""The display of `soter run` while a mission runs: a live table on a terminal, elsewhere a line now and then."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from soter.runner import Progress, RobotProgress
 
 LINE_EVERY_S: Final = 10.0
-"""Host time between two lines where the display cannot be live."""
+"""Host time between two lines if the display cannot be live."""
 
 SURE_S: Final = 2.0
-"""Host time after which it is said how much is left."""
+"""Host time after which the remaining time is shown."""
 
 MIDDLE_COLUMNS: Final = 80
-"""Below this width charges and targets have no column, so that who drives keeps its own."""
+"""Below this width charges and targets have no column, so that there is room for the driver's."""
 
 WIDE_COLUMNS: Final = 104
 """From this width on every module's margin has a column of its own."""
@@ -40,26 +40,26 @@ def make_display(console: Console, name: str) -> LiveDisplay | LineDisplay:
 
 
 def speed(progress: Progress) -> str:
-    """Return how fast the run goes."""
+    """Return the speed of the run, in words."""
     return f"{progress.time_s / progress.wall_s:.1f} x real time" if progress.wall_s > 0.0 else ""
 
 
 def left(progress: Progress) -> str:
-    """Return how much host time a run is likely to take still; empty while nobody can know."""
+    """Return an estimate of the remaining host time, in words; empty while it is unknown."""
     if progress.time_s <= 0.0 or progress.wall_s < SURE_S:
         return ""
     return left_in_words((progress.duration_s - progress.time_s) * progress.wall_s / progress.time_s)
 
 
 def left_in_words(left_s: float) -> str:
-    """Return how much host time is left."""
+    """Return the remaining host time in words."""
     if left_s < 100.0:
         return f"about {left_s:.0f} s left"
     return f"about {left_s / 60.0:.0f} min left" if left_s < 6000.0 else f"about {left_s / 3600.0:.1f} h left"
 
 
 def violations_in_words(violations: dict[str, int] | None) -> str:
-    """Return what ground truth has counted."""
+    """Return the violations that ground truth has counted, in words."""
     if violations is None:
         return "violations unknown: no ground truth"
     counted = [f"{count} {rule}" for rule, count in violations.items() if count]
@@ -74,7 +74,7 @@ def margin_in_words(module: str, margin: float) -> str:
 
 
 def least_margin(robot: RobotProgress) -> str:
-    """Return the margin that a robot is nearest to using up, with its module; of the distances if there are any."""
+    """Return a robot's least margin with its module; of the margins in metres if there are any."""
     known = {module: margin for module, margin in robot.margins.items() if not math.isnan(margin)}
     distances = {module: margin for module, margin in known.items() if module != "battery"} or known
     if not distances:
@@ -98,9 +98,9 @@ class LineDisplay:
         pass
 
     def update(self, progress: Progress) -> None:
-        """Print a line if it is time for one."""
+        """Print a line if one is due."""
         if not self._next_s:
-            # The first news is that the robots are ready: until then the mission may be refused.
+            # The first update means that the robots are ready; before, the mission may still be refused.
             self._console.print(f"running {self._name}; Ctrl-C stops the robots", soft_wrap=True)
             self._next_s = LINE_EVERY_S
         if progress.wall_s >= self._next_s:
@@ -121,14 +121,14 @@ def _robot_in_words(robot: RobotProgress) -> str:
 
 
 class LiveDisplay:
-    """A table of the robots that is drawn over itself.
+    """A table of the robots that is redrawn in place.
 
-    It draws from `update()` only, so it needs no thread and cannot be in the way of a tick.
+    It draws in `update()` only, so that it needs no thread and cannot delay a tick.
     """
 
     def __init__(self, console: Console) -> None:
         self._console: Final = console
-        # What is left when the run has ended is the summary.
+        # The table vanishes when the run has ended, and the summary remains.
         self._live: Final = Live(console=console, auto_refresh=False, transient=True)
 
     def __enter__(self) -> Self:

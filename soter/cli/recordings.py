@@ -1,4 +1,4 @@
-"""Where `soter run` records to, and what it says of it."""
+"""The recording of `soter run`: its file, and the message about it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from soter.record.recorder import RecordingReport
 
 RUNS: Final = Path("runs")
-"""The folder, below the present one, of recordings that were given no name."""
+"""The folder, below the working directory, of recordings without a given name."""
 
 _MANY: Final = 1000
 
@@ -28,12 +28,12 @@ _MANY: Final = 1000
 def recording_path(
     record: Path | None, no_record: bool, mission: MissionFile, process: str | None = None
 ) -> Path | None:
-    """Return where to record a run, or one process of it, or None for nowhere.
+    """Return the file to record a run, or one process of it, in; None for no recording.
 
-    A recording that nobody asked for must not stop a run: where there is no place for it, that is said.
+    A recording that was not requested must not stop a run: if it cannot be written, a message says so.
 
     Raises:
-        ConfigError: the file that was asked for is another one already, or both options were given.
+        ConfigError: the requested file exists and is no recording, or both options were given.
     """
     if record is not None:
         if no_record:
@@ -67,7 +67,7 @@ def _refuse_other(record: Path) -> None:
 
 @contextmanager
 def unless_recorded(path: Path | None) -> Iterator[None]:
-    """Take the file away again that was made for a run which then was refused."""
+    """Remove the file that was made for a run if the run is refused."""
     try:
         yield
     finally:
@@ -78,7 +78,7 @@ def unless_recorded(path: Path | None) -> Iterator[None]:
 
 
 def show_recording(console: Console, report: RecordingReport) -> None:
-    """Say where the recording is, and what it lacks."""
+    """Print the path of the recording, and what it lacks."""
     lacks = f", incomplete: {report.failure}" if report.failure else ""
     if report.dropped_ticks:
         lacks += f", {report.dropped_ticks} ticks dropped"
@@ -88,16 +88,16 @@ def show_recording(console: Console, report: RecordingReport) -> None:
 
 
 def _has_robots(mission: MissionFile, process: str | None) -> bool:
-    """Whether there is anything to record: not in a process with the task planner only."""
+    """Return whether this process has robots to record; one with the task planner only has none."""
     table = mission.distribution.processes.get(process) if process is not None else None
     return table is None or bool(table.robots)
 
 
 def _new_file(mission: MissionFile, process: str | None) -> Path:
-    """Make a file that was not there, named after mission, process, backend and time."""
-    # A backend may be named by its class.
+    """Make a new file, named after mission, process, backend and time."""
+    # The name of a backend may be that of a class.
     backend = re.sub(r"[^\w-]+", "-", mission.backend)
-    # The time of day where the user sits: it is for finding one's own runs.
+    # Local time, so that users find their own runs.
     now = datetime.now().astimezone()
     whole = PurePath(mission.source or "mission").stem
     part = whole if process is None else f"{whole}-{process}"

@@ -67,7 +67,7 @@ def replay(
 
 
 def _exit_code(found: Replay) -> ExitCode:
-    # Other settings were meant to make a difference; a record that was changed was not.
+    # Differences are expected with other settings; changed records never are.
     if found.flaws or not (found.same or found.settings):
         return ExitCode.VIOLATION
     return ExitCode.BAD_INPUT if found.gap_s is not None or not found.ticks else ExitCode.OK

@@ -91,7 +91,7 @@ def report(
 
 
 def _made(option_name: str, recording: Recording, most_s: float, at_s: float | None) -> bytes:
-    """Return what an option asks for; a film of at most so long, a still of such a moment."""
+    """Return the content of an option's file: a page, a picture, a film of at most `most_s`, or a still at `at_s`."""
     if option_name == "--output":
         from soter.report.page.html import make_page
 
@@ -115,7 +115,7 @@ def _made(option_name: str, recording: Recording, most_s: float, at_s: float | N
 
 
 def _caption(recording: Recording) -> Caption:
-    """Return the words of a picture: those of the result, or what is known of a run that did not get to have one."""
+    """Return the words of a picture: those of the result, or, without a result, of a recording that was cut off."""
     from pydantic import ValidationError
 
     from soter.cli.summary import caption

@@ -120,14 +120,14 @@ _INIT_TIMEOUT_S = 60.0
 
 
 def _require_ros() -> None:
-    """Say at once what is missing: rclpy imports the middleware only when it is needed, and then in a callback."""
+    """Check ROS 2 before anything starts: rclpy imports the middleware only later, in a callback."""
     from soter.registry import load_backend
 
     load_backend("ros2")
 
 
 def _open(mission: MissionFile) -> WireFleet[Any]:
-    """Open the robots of a mission for watching: they are somebody else's, and none is started."""
+    """Open the robots of a mission for watching; other programs have started them."""
     from soter.adapters.ros2.backend import Ros2Backend
     from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
     from soter.config import validate_options
@@ -144,7 +144,7 @@ def _open(mission: MissionFile) -> WireFleet[Any]:
 
 
 def _say_how_to_connect(simulator: Ros2Simulator, *, stamped: bool) -> None:
-    """Print what a mission file needs, and what a terminal needs, to meet the robots."""
+    """Print the keys of a mission file and the environment of a terminal that connect to the robots."""
     from soter.adapters.ros2.simulator import SETTINGS
 
     lines = [

@@ -47,11 +47,11 @@ def room_and_robots(path: Path, robots: int | None, seed: int | None) -> tuple[W
 
     Args:
         path: the workspace file.
-        robots: only the first so many; None for all.
-        seed: what charges are drawn from; None for full batteries.
+        robots: how many of the first robots; None for all.
+        seed: the seed of the charges; None for full batteries.
 
     Raises:
-        ConfigError: the file is none, or has not so many robots.
+        ConfigError: the file is no workspace, or has fewer robots.
     """
     from soter.config import draw_charge
     from soter.geometry.reading import read_workspace
@@ -91,7 +91,7 @@ def keep(simulator: VelocityControlledSimulator, stop: Callable[[], bool]) -> No
     """Keep a simulator until told to stop.
 
     Raises:
-        RunFailed: its world has ended by itself.
+        RunFailed: the simulator's world has ended by itself.
     """
     while not stop():
         if simulator.world.poll() is not None:
@@ -184,7 +184,7 @@ def mavlink(
 
 
 def _say_how_to_connect(simulation: Simulation, settings: Settings) -> None:
-    """Print what to start, or to enter where, to talk to the vehicles."""
+    """Print the commands and settings with which other programs connect to the vehicles."""
     (link,) = simulation.links
     kind, host, port = link.address.split(":")
     names = ", ".join(str(autopilot.id) for autopilot in simulation.autopilots)

@@ -1,4 +1,4 @@
-"""What `soter run` says at the end: the run's figures, on request beside those of the thesis."""
+"""The summary of `soter run`: the run's figures, on request beside those of the thesis."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ THESIS_TARGETS: Final = "grid"
 THESIS_MODULES: Final = frozenset({"collision", "obstacle", "geofence", "battery"})
 
 OF_A_CHARGE: Final = "of a charge"
-"""The unit of margins that are parts of one."""
+"""The unit of margins that are parts of a charge."""
 
 _SHORT_S: Final = 60.0
 
@@ -34,10 +34,10 @@ class Row(NamedTuple):
     """One line of the summary.
 
     Attributes:
-        name: of the figure; indented if it is part of the one above.
-        value: in this run.
-        thesis: in the thesis; empty where it gives none, or none that can be compared.
-        style: of the value.
+        name: name of the figure; indented if it is part of the one above.
+        value: its value in this run.
+        thesis: its value in the thesis; empty if there is none that can be compared.
+        style: the value's style.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Row(NamedTuple):
 
 
 def differences(result: RunResult) -> list[str]:
-    """Return in what a run differs from the thesis's, so that totals cannot be compared; empty if they can."""
+    """Return how a run differs from the thesis's; empty if totals can be compared."""
     found = []
     if not math.isclose(result.duration_s, THESIS_DURATION_S, rel_tol=0.01):
         found.append(f"{_time(result.duration_s)} instead of {_time(THESIS_DURATION_S)}")
@@ -72,7 +72,7 @@ def per_robot_hour(disengagements: int, robots: int, duration_s: float) -> float
 def rows(result: RunResult) -> list[list[Row]]:
     """Return the summary, a list for each block of it."""
     if not result.robots:
-        # A process with the task planner only: what robots do, theirs know.
+        # A process with the task planner only: other processes have the robots' figures.
         return [list(_targets(result)), list(_lateness(result))]
     blocks = (_violations, _failed, _control, _targets, _machinery)
     return [list(block(result)) for block in blocks]
@@ -95,7 +95,7 @@ def _violations(result: RunResult) -> Iterator[Row]:
 
 
 def _failed(result: RunResult) -> Iterator[Row]:
-    """Yield what went wrong without breaking a rule, and what was not proved."""
+    """Yield failures that broke no rule, and what was accepted without proof."""
     for robot, each in result.uncontrolled.items():
         text = f"for {_time(each.lasted_s)}, first after {_time(each.first_s)}: {each.cause}"
         yield Row(f"not under control, robot {robot}", text, style="bold red")
@@ -172,7 +172,7 @@ def _lateness(result: RunResult) -> Iterator[Row]:
 
 
 def _errand(result: RunResult) -> str:
-    """Return what the ACs were after: the mission's targets, unless somebody else took its place."""
+    """Return the task of the ACs in words: planner and targets for the mission, else the ACs' name."""
     if result.ac != "mission":
         return f"AC {PurePath(result.ac).name}"
     return f"planner {result.planner}, {_aim(result)}"
@@ -183,7 +183,7 @@ def _aim(result: RunResult) -> str:
 
 
 def headline(result: RunResult) -> str:
-    """Return what was run."""
+    """Return a headline for a run: robots, duration, backend, task, modules, seed."""
     engine = f", engine {result.engine}" if result.engine else ""
     process = f"process '{result.process}': " if result.process else ""
     return (
@@ -207,7 +207,7 @@ def outcome(result: RunResult) -> tuple[str, str]:
 
 
 def remarks(result: RunResult, *, compared: bool = False) -> list[str]:
-    """Return what a reader has to know to judge the figures, `compared` with the thesis's or not."""
+    """Return remarks that a reader needs to judge the figures, `compared` with the thesis's or not."""
     found = []
     if result.process:
         found.append("These are the figures of this process alone; that of the task planner counts all targets.")
@@ -242,7 +242,7 @@ def print_summary(console: Console, result: RunResult, *, compared: bool = False
 
 
 def caption(result: RunResult, safer_charge: float) -> Caption:
-    """Return what stands above and beside the picture of a run; phi_safer of the battery module is from 0 to 1."""
+    """Return the texts for the picture of a run; `safer_charge` is the battery module's phi_safer, from 0 to 1."""
     from soter.report.caption import Caption
 
     name = PurePath(result.mission).stem or "mission"
@@ -285,7 +285,7 @@ def _time(seconds: float) -> str:
 
 
 def breach_text(times: int, first_s: float, cause: str, worst: Sequence[tuple[float, str, float, str]]) -> str:
-    """Return in words how often an assumption failed, at first, and at worst: excess, unit, fleet time and cause."""
+    """Return in words how often an assumption failed, with the first and the worst looks."""
     first = "once, at" if times == 1 else f"{times} times, first at"
     text = f"{first} {first_s:.2f} s: {cause}"
     for excess, unit, time_s, why in worst:
@@ -303,5 +303,5 @@ def _percent(part: float) -> str:
 
 
 def _precise(rule: str, margin: float) -> str:
-    # Adding zero makes minus zero plain.
+    # Adding 0.0 turns -0.0 into 0.0.
     return _percent(margin) if rule == "battery" else f"{round(margin, 3) + 0.0:.3f} m"

@@ -1,4 +1,4 @@
-"""The picture of a counterexample: where the rule's edge is, who took over where, and where it was broken."""
+"""Draws the picture of a counterexample: the rule's edge, the take-over, and the place of the breach."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CELLS: Final = 160
 
 
 def draw_trial(workspace: Workspace, trial: Attempt, module: RTAModule, title: str) -> bytes:
-    """Return a trial of a module as the content of a PNG file: who drove where, and what was broken where."""
+    """Return a trial of a module as the content of a PNG file, with the drivers and the place of the breach."""
     drivers = (AC, *dict.fromkeys(row.driver for row in trial.rows if row.driver != AC))
     run = RunTracks(workspace, drivers, *tracks_of(trial, drivers))
     breach = trial.breaches[0] if trial.breaches else None
@@ -37,21 +37,21 @@ def draw_trial(workspace: Workspace, trial: Attempt, module: RTAModule, title: s
 
 
 def tracks_of(trial: Attempt, drivers: Sequence[str]) -> tuple[dict[int, Track], list[SwitchRecord]]:
-    """Return the ways of a trial's robots by id, and who was given one when; a driver counts by its place."""
+    """Return the ways of a trial's robots by id, and the switches; a way's drivers are indices into `drivers`."""
     tracks: dict[int, Track] = {}
     switches = []
     for row in trial.rows:
         track = tracks.setdefault(row.robot_id, Track())
         if track.driver and drivers[track.driver[-1]] != row.driver:
             before, after = (None if name == AC else name for name in (drivers[track.driver[-1]], row.driver))
-            # A row says who has driven the robot there: since the one before.
+            # A row has the driver of the robot since the row before.
             switches.append(SwitchRecord(track.time_s[-1], row.robot_id, before, after, after or before or "", "", ()))
         track.add(row.time_s, row.x_m, row.y_m, row.battery, drivers.index(row.driver))
     return tracks, switches
 
 
 def _takeover(run: RunTracks, breach: BrokenObligation) -> list[Remark]:
-    """Return where the robot was taken from its AC last before it broke the rule."""
+    """Return a remark at the robot's last take-over before the breach; none if there was no take-over."""
     from soter.report.strokes import place_at
 
     taken = [
@@ -65,9 +65,9 @@ def _takeover(run: RunTracks, breach: BrokenObligation) -> list[Remark]:
 
 
 def _edge(workspace: Workspace, trial: Attempt, module: RTAModule, breach: BrokenObligation) -> Margins | None:
-    """Return what was broken all over the workspace; None where it has no edge there, or cannot be asked.
+    """Return the broken rule's margins all over the workspace; None without an edge there, or if the rule fails.
 
-    It is that of the moment of the breach: for a robot as fast as it was then, with its peers where they were.
+    They are for the moment of the breach: with the robot's speed and its peers' places at that time.
     """
     which, region = (
         ("phi_safer", module.phi_safer) if breach.obligation is Obligation.P2B else ("phi_safe", module.phi_safe)
@@ -100,7 +100,7 @@ def _margin(region: Region, own: RobotState, peers: Sequence[RobotState], now_s:
 
 
 def _states(trial: Attempt, time_s: float) -> dict[int, RobotState]:
-    """Return the robots as they were at a moment, with the speeds at which they got there."""
+    """Return the states of the robots at a moment, with the speeds from their samples before."""
     found: dict[int, RobotState] = {}
     for row in trial.rows:
         if row.time_s > time_s:

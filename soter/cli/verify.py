@@ -51,7 +51,7 @@ def verify(
 
 
 def _unsigned(proof: Proof, wanted: str | None) -> str:
-    """Return what is wrong with a signature; empty if nothing is."""
+    """Return what is wrong with a signature; empty if it is right, or not asked for."""
     from soter.record.signing import is_signature
 
     if wanted is not None and not proof.signature:

@@ -29,7 +29,7 @@ Exit codes:
 """
 
 _LOOKS = 60
-"""So many places along the longer side are asked whether a body fits there."""
+"""Number of places along the longer side at which it is checked whether a body fits."""
 
 
 def workspace(
@@ -55,7 +55,7 @@ def workspace(
 
         files = Outputs({"--to": to, "--picture": picture}, (file,), force=force)
         made = read_workspace(file, inhabited=False)
-        # All of it is made before any of it is written.
+        # All outputs are made before the first one is written.
         converted = b"" if to is None else _converted(made, file, to)
         drawn = b"" if picture is None else _drawn(made)
         found = _found(made, radius, clearance)

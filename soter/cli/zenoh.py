@@ -25,7 +25,7 @@ Exit codes:
   2  bad input, an endpoint that cannot be used, or Zenoh is not there
 """
 
-# Its own parser says more of it than could be said here, so that `python -m soter.adapters.zenoh.mux` says it too.
+# The mux has a parser and help of its own, which `python -m soter.adapters.zenoh.mux` uses as well.
 MUX_CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 
 
@@ -80,7 +80,7 @@ def sim_zenoh(
 
 
 def _say_how_to_connect(simulator: ZenohSimulator, *, stamped: bool, speedup: float) -> None:
-    """Print what a mission file needs to meet the robots, and what there is for everybody else."""
+    """Print the keys of a mission file that connect to the robots, and the Zenoh keys for other programs."""
     from soter.adapters.zenoh.options import CLOCK
 
     session = simulator.session

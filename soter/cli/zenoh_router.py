@@ -83,7 +83,7 @@ def zenoh_router(
 
 
 def _say_how_to_connect(where: list[str], options: SessionOptions) -> None:
-    """Print what a mission file and other programs need to meet at the router."""
+    """Print the keys of a mission file and the options of other programs that connect to the router."""
     emit(f"A Zenoh router listens at {', '.join(where)}.\n\nIn a mission file:\n")
     lines = ["[backends.zenoh.session]", 'mode = "client"', f"connect = [{', '.join(map(repr, where))}]"]
     if (tls := options.tls) is not None:
