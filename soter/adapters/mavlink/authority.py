@@ -1,8 +1,8 @@
-"""Who is in charge, on the vehicle's side: MAV_CMD_DO_GUIDED_MASTER, where the vehicle knows it.
+"""The gate on the vehicle's side: MAV_CMD_DO_GUIDED_MASTER names the active controller, if the vehicle supports it.
 
-A vehicle that does takes targets from the named component only, drops the target when another is named, and lets a
-target move it only while the keeper, who named it, goes on naming it: the lease. The command carries the vehicle's time
-at which the lease was renewed, in its fifth parameter in milliseconds, so that what waited in a buffer renews nothing.
+Such a vehicle takes targets from the named component only, and drops the target when another component is named. A
+target moves it only while the keeper, which named the component, repeats the command: the lease. The fifth parameter
+holds the vehicle's time of the renewal, in milliseconds, so that a command that waited in a buffer renews nothing.
 Real autopilots answer UNSUPPORTED. Then the adapter has to stand in, see `soter.adapters.mavlink.robot`.
 """
 
@@ -17,13 +17,13 @@ from soter.adapters.mavlink.vehicle import Vehicle
 from soter.sdk import Controller
 
 KEEPER: Final[int] = mav.MAV_COMP_ID_MISSIONPLANNER
-"""The supervisor: names who is in charge, renews the lease, asks for everything that is no target."""
+"""The supervisor's component: names the active controller, renews the lease, and sends all but the targets."""
 
 SENDERS: Final = {
     Controller.AC: int(mav.MAV_COMP_ID_ONBOARD_COMPUTER),
     Controller.SC: int(mav.MAV_COMP_ID_ONBOARD_COMPUTER2),
 }
-"""From whom targets come."""
+"""The component that sends each controller's targets."""
 
 COMPONENTS: Final = (KEEPER, *SENDERS.values())
 
@@ -31,8 +31,8 @@ CONTROLLERS: Final = {component: controller for controller, component in SENDERS
 
 
 REPORT: Final = "GMASTER"
-"""NAMED_VALUE_INT by which the vehicle reports: 256 times the system plus the component in charge, negative while the
-lease is dead, 0 for nobody."""
+"""NAMED_VALUE_INT by which the vehicle reports: 256 times the system plus the active component, negative while the
+lease is dead, 0 for none."""
 
 LEASE_PARAMETER: Final = "SOTER_LEASE_MS"
 """How long the vehicle moves on without a renewal, in milliseconds of its own time."""
@@ -42,27 +42,27 @@ _MAV_FRAME: Final = mav.MAV_FRAME_GLOBAL
 
 
 class Authority:
-    """The vehicle's own gate."""
+    """The vehicle's own gate and lease."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle: Final = vehicle
         self._system: Final = vehicle.link.system
-        # 0 would stand for now.
+        # 0 would mean now.
         self._newest_ms = 1
 
     def begin(self) -> None:
-        """Begin anew: the vehicle's clock may have done so."""
+        """Begin anew: the vehicle's clock may have begun anew, too."""
         self._newest_ms = 1
 
     def name(self, component: int, renewed_s: float) -> None:
-        """Put one of our components in charge, or leave it there, with a lease from a vehicle's time on."""
-        # What is older than the newest counts as overtaken. As more becomes known of the vehicle's clock, its time of a
-        # moment may become earlier by a little; a switch must not be refused for that.
+        """Make one of our components the active one, with a lease that begins at a vehicle's time."""
+        # The vehicle ignores commands older than the newest. As its clock becomes better known, the vehicle time of a
+        # moment may become a little earlier; a switch must not be refused for that.
         self._newest_ms = max(self._newest_ms, int(renewed_s * 1e3))
         self._send(float(self._system), float(component), self._newest_ms)
 
     def release(self) -> None:
-        """Give the vehicle back to everybody, without a target."""
+        """Let every component send targets again; the vehicle is left without one."""
         self._send(0.0, 0.0, 0)
 
     def _send(self, system: float, component: float, renewed_ms: int) -> None:
@@ -74,12 +74,12 @@ class Authority:
         })  # fmt: skip
 
     def supported(self, since_s: float) -> bool | None:
-        """Return whether the vehicle has such a gate, by its answer since a steady time; None before it answers."""
+        """Return whether the vehicle has a gate, by its answers since a steady time; None before it answers."""
         ack = self._vehicle.ack(mav.MAV_CMD_DO_GUIDED_MASTER, since_s)
         return None if ack is None else ack.result != mav.MAV_RESULT_UNSUPPORTED
 
     def reported(self) -> int | None:
-        """Return which of our components is in charge, as the vehicle says; None where it does not say that of late."""
+        """Return which of our components the vehicle reports as active; None without a recent report."""
         report = self._vehicle.heard_since("NAMED_VALUE_INT", self._vehicle.now_s - _FRESH_S)
         if report is None or report.name.rstrip("\0") != REPORT:
             return None

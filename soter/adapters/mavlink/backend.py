@@ -1,4 +1,4 @@
-"""The backend `mavlink`: vehicles that are given, or simulated ones that are started for the occasion."""
+"""The backend `mavlink`: vehicles at a given connection, or simulated ones that the backend starts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from soter.sdk.wire import WireFleet, describe
 
 _SYSTEM_MOST: Final = 254
 
-# Crystals are this far apart at most; a simulated vehicle slows down with a host that lags.
+# Largest difference in rate between two quartz clocks; a simulated vehicle slows down with a host that lags.
 _CRYSTAL: Final = 1e-3
 _SIMULATED: Final = 0.2
 
@@ -32,7 +32,7 @@ class MavlinkFleet(WireFleet[MavlinkSimulator]):
 
 
 class VehicleBackend(Backend):
-    """What the backends `mavlink` and `mavsdk` have in common: all but the library that speaks MAVLink."""
+    """The common part of the backends `mavlink` and `mavsdk`: all but the MAVLink library."""
 
     interface_version: ClassVar[int] = INTERFACE_VERSION
     config_model: ClassVar[type[BackendConfig]] = MavlinkConfig
@@ -43,7 +43,7 @@ class VehicleBackend(Backend):
         return config.promised()
 
     def open(self, config: MavlinkConfig, robots: Sequence[RobotSpec]) -> MavlinkFleet:
-        """Open the link, and start simulated vehicles where none are given; they are not ready before `init()`.
+        """Open the link, and start simulated vehicles if none are given; vehicles get ready in `init()`.
 
         Raises:
             ConfigError: the options cannot be used.
@@ -59,7 +59,7 @@ class VehicleBackend(Backend):
         tolerance = _SIMULATED if simulated or config.truth is not None else _CRYSTAL
         clock = VehicleClock(rate=config.speedup, rate_tolerance=tolerance)
         port = free_port() if simulated else 0
-        # Whoever opens robots by hand may leave to the options what each promises.
+        # Robots opened by hand may come without a promise: the options' promise counts then.
         robots = [replace(spec, promised=spec.promised or config.promised()) for spec in robots]
         simulator: MavlinkSimulator | None = None
         with ExitStack() as started, ExitStack() as shared:
@@ -81,10 +81,10 @@ class VehicleBackend(Backend):
     def read_missions(
         self, config: MavlinkConfig, robot_ids: Sequence[int], timeout_s: float
     ) -> dict[int, HeldMission]:
-        """Ask vehicles for the missions that they hold, as a ground station has sent them.
+        """Ask vehicles for the missions that ground stations have sent them.
 
         Raises:
-            Unsupported: no vehicle is given: simulated ones that are started for the occasion hold none.
+            Unsupported: no vehicle is given, and simulated ones hold no mission.
             RobotUnavailable: the link cannot be opened, or a vehicle does not answer in time.
         """
         if config.connection is None:
@@ -98,7 +98,7 @@ class VehicleBackend(Backend):
 
     @abstractmethod
     def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> MavlinkLink:
-        """Make the link; it is not opened yet."""
+        """Make the link without opening it."""
 
 
 class MavlinkBackend(VehicleBackend):

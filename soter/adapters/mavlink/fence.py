@@ -1,7 +1,7 @@
 """The vehicle's own fence: a second line of defence around the same workspace, in the vehicle itself.
 
-It is the workspace's outer boundary and its keep-out areas, without any margin: SOTER's own rules keep the vehicle off
-it, and it acts where SOTER, or the link to it, has failed. It is believed once it was read back.
+It is the workspace's outer boundary and keep-out areas, without any margin: SOTER's own rules keep the vehicle off it,
+and it acts if SOTER or the link has failed. An upload counts as done once the fence has been read back.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from soter.geometry.workspace import Point, Workspace
 _ALL: Final = -1
 _AREAS: Final = 4
 
-# By parameter which bits of it must not all be clear, and why.
+# By parameter: the bits of which at least one must be set, and why.
 _ARDUPILOT: Final = {
     "FENCE_ACTION": (
         _ALL,
@@ -36,15 +36,15 @@ _PX4: Final = {"GF_ACTION": (_ALL, "it would do nothing about its fence; allowed
 
 
 def fence_items(workspace: Workspace, origin: GeoPoint | Projection) -> list[Item]:
-    """Return the fence of a workspace as a vehicle takes it.
+    """Return the fence of a workspace as the items that a vehicle takes.
 
     Args:
         workspace: of any shape.
-        origin: where on earth its origin is, on the sphere by which the vehicle reckons; or its projection.
+        origin: the workspace's origin on earth, on the vehicle's own sphere; or the workspace's projection.
     """
     fence, keep_outs = workspace.outlines()
     if isinstance(workspace, Site) and workspace.plan.map is not None:
-        # Outlines of a map are for the eye, and may reach into what is free.
+        # Outlines of a map are for display, and may reach into free space.
         keep_outs = workspace.plan.map.rings()
     rings = [] if fence is None else [(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, fence)]
     rings += [(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION, ring) for ring in keep_outs]
@@ -62,18 +62,18 @@ def put_up(
     items: Sequence[Item],
     parameter: Callable[[str], Generator[str, None, float | None]],
 ) -> Iterator[str]:
-    """Have a vehicle hold a fence and look at it, step by step; yield what is waited for.
+    """Upload a fence to a vehicle and enable it, step by step; yield what the step waits for.
 
-    A vehicle that holds it already is sent nothing.
+    Nothing is sent to a vehicle that holds the fence already.
 
     Args:
-        vehicle: which, heard of already.
-        lists: what it holds.
+        vehicle: the vehicle, heard of already.
+        lists: its item lists.
         items: the fence.
-        parameter: asks it for a parameter, and returns None where it does not say.
+        parameter: asks the vehicle for a parameter, and returns None if it does not answer.
 
     Raises:
-        RobotUnavailable: it does not take the fence, does not keep it as it was sent, or would do nothing about it.
+        RobotUnavailable: the vehicle does not take the fence, does not hold it as sent, or would not act on it.
     """
     for name, (bits, why) in (_PX4 if vehicle.kind.is_px4 else _ARDUPILOT).items():
         value = yield from parameter(name)
@@ -84,10 +84,8 @@ def put_up(
         yield from lists.upload(FENCE, items)
         held = yield from lists.download(FENCE)
         if not _same(held, items):
-            raise RobotUnavailable(
-                f"the fence that it was sent has {len(items)} items, and what it holds is another, of {len(held)}"
-            )
-    # PX4 looks at a fence that is there.
+            raise RobotUnavailable(f"it was sent a fence of {len(items)} items, and holds another one, of {len(held)}")
+    # PX4 enables a fence by itself.
     asked_s = -math.inf
     while not vehicle.kind.is_px4 and not _is_looked_at(vehicle):
         if vehicle.now_s - asked_s >= RETRY_S:

@@ -1,10 +1,10 @@
-"""Frames: SOTER's is east, north, up of the workspace; the autopilot's is north, east, down of its EKF's origin.
+"""Conversion between SOTER's frame, workspace ENU, and the autopilot's frame, NED from the origin of its EKF.
 
-Headings are radians counter-clockwise from east here and radians clockwise from north there. All conversions of the
-adapter go through this module.
+Headings are radians counter-clockwise from east in SOTER, and radians clockwise from north in the autopilot. All
+conversions of the adapter go through this module.
 
-A workspace in metres has those of the vehicle: a `Frame` only shifts them. One with places on earth has metres of the
-ellipsoid, and vehicles those of a sphere, each of its own: an `EarthFrame` goes through latitude and longitude.
+A workspace in metres uses the vehicle's metres, which a `Frame` only shifts. A workspace with places on earth has
+metres of the ellipsoid, and each vehicle metres of its own sphere: an `EarthFrame` goes through latitude and longitude.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from typing import Final, NamedTuple, Protocol
 from soter.geometry.earth import Projection
 
 _M_PER_DEG: Final = 0.011131884502145034 * 1e7
-"""Metres along a meridian by degree, on the sphere that ArduPilot takes the earth for."""
+"""Metres per degree of latitude, on ArduPilot's model of the earth as a sphere."""
 
 _PX4_M: Final = 6_371_000.0
-"""Radius of the sphere that PX4 takes it for."""
+"""Radius of PX4's model of the earth as a sphere."""
 
 NORTHMOST_DEG: Final = 80.0
-"""Latitude, north or south, up to which the errors that are stated have been tried."""
+"""Latitude, north or south, up to which the stated errors have been tested."""
 
 _WIRE_M: Final = 0.002
 _WHOLE_M: Final = 0.016
@@ -31,9 +31,9 @@ _MOVES_S: Final = 1.0
 
 
 class GeoPoint(NamedTuple):
-    """A place on earth; its height is above the sea.
+    """A place on earth, with its height above the sea.
 
-    As the origin of a workspace in metres it has those of ArduPilot's sphere.
+    If it is the origin of a workspace, the workspace's metres are those of ArduPilot's sphere.
     """
 
     lat_deg: float
@@ -41,27 +41,27 @@ class GeoPoint(NamedTuple):
     alt_m: float
 
     def place(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return latitude and longitude of a place in a workspace with its origin here."""
+        """Return latitude and longitude of a place in a workspace whose origin is this point."""
         lon_deg = self.lon_deg + x_m / (_M_PER_DEG * cos(radians(self.lat_deg)))
         return self.lat_deg + y_m / _M_PER_DEG, remainder(lon_deg, 360.0)
 
     def point(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """Return x and y of a place in a workspace with its origin here."""
+        """Return x and y of a place on earth in a workspace whose origin is this point."""
         frame = Frame.between(self, GeoPoint(lat_deg, lon_deg, self.alt_m), 0.0)
         return frame.east_m, frame.north_m
 
 
 def geodetic_e7(origin: GeoPoint | Projection, x_m: float, y_m: float) -> tuple[int, int]:
-    """Return latitude and longitude, in 1e-7 degrees, of a place in a workspace with its origin there.
+    """Return latitude and longitude, in 1e-7 degrees, of a place in a workspace with this origin.
 
-    They are whole numbers on the wire: the place is off by up to 6 mm.
+    They are whole numbers on the wire, so that the place is off by up to 6 mm.
     """
     lat_deg, lon_deg = origin.place(x_m, y_m)
     return round(1e7 * lat_deg), round(1e7 * lon_deg)
 
 
 def local_m(origin: GeoPoint | Projection, lat_e7: int, lon_e7: int) -> tuple[float, float]:
-    """Return x and y, in a workspace with its origin there, of a place in 1e-7 degrees."""
+    """Return x and y, in a workspace with this origin, of a place in 1e-7 degrees."""
     return origin.point(1e-7 * lat_e7, 1e-7 * lon_e7)
 
 
@@ -94,9 +94,9 @@ class Frame:
         """Return the frame of a vehicle.
 
         Args:
-            workspace: where the workspace's origin is on earth; None where the EKF has it.
-            ekf: where the EKF has its origin.
-            plane_m: how high the plane z = 0 of the workspace lies above its origin: the height at which copters fly.
+            workspace: the workspace's origin on earth; None if the workspace has the EKF's origin.
+            ekf: the EKF's origin.
+            plane_m: height of the workspace's plane z = 0 above its origin: the height at which copters fly.
         """
         if workspace is None:
             return Frame(up_m=-plane_m)
@@ -116,7 +116,7 @@ class Frame:
         return east_m + self.east_m, north_m + self.north_m, self.up_m - down_m
 
     def to_velocity(self, _at: tuple[float, float], north_m_s: float, east_m_s: float) -> tuple[float, float]:
-        """Return along x and y the velocity of a vehicle at a place in the workspace."""
+        """Return the velocity along x and y of a vehicle at a place in the workspace."""
         return east_m_s, north_m_s
 
     def to_heading_rad(self, _at: tuple[float, float], yaw_rad: float) -> float:
@@ -129,26 +129,26 @@ class Frame:
 
 
 class Sphere(Protocol):
-    """How an autopilot makes metres of places on earth, around the origin of its EKF."""
+    """An autopilot's conversion between places on earth and metres from the origin of its EKF."""
 
     def local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """Return metres north and east of its origin."""
+        """Return metres north and east of the EKF's origin."""
 
     def place(self, north_m: float, east_m: float) -> tuple[float, float]:
         """Return latitude and longitude in degrees."""
 
     def error_m(self, far_m: float, speed_m_s: float, /) -> float:
-        """Return how far its own metres may be off what this class makes of them.
+        """Return how far the autopilot's own result may differ from that of this class.
 
         Args:
-            far_m: how far from its origin it may be.
-            speed_m_s: how fast it is at most.
+            far_m: the vehicle's largest distance from the EKF's origin.
+            speed_m_s: the vehicle's top speed.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class ArduPilotSphere:
-    """ArduPilot's: metres of longitude shrink by the cosine of the mean of both latitudes."""
+    """ArduPilot's sphere: metres of longitude shrink by the cosine of the mean of both latitudes."""
 
     ekf: GeoPoint
 
@@ -163,15 +163,15 @@ class ArduPilotSphere:
 
     def error_m(self, far_m: float, speed_m_s: float) -> float:
         slope = tan(radians(abs(self.ekf.lat_deg)) + far_m / _PX4_M)
-        # It works with single precision; and once a second it moves an origin of its own to where the vehicle is, and
-        # adds what is between the two: metres of longitude at two mean latitudes.
+        # ArduPilot works in single precision. Once a second it moves an internal origin to the vehicle, and adds the
+        # distance between both origins: metres of longitude at two mean latitudes.
         moves_m = _MOVES_S * speed_m_s * slope * far_m / _PX4_M
         return _WIRE_M + far_m * _SINGLE * (1.0 + slope) + moves_m
 
 
 @dataclass(frozen=True, slots=True)
 class Px4Sphere:
-    """PX4's: the azimuthal equidistant projection, true to distance and direction from its origin."""
+    """PX4's sphere: the azimuthal equidistant projection, true to distance and direction from its origin."""
 
     ekf: GeoPoint
 
@@ -194,20 +194,20 @@ class Px4Sphere:
         return degrees(asin(sin_lat)), remainder(self.ekf.lon_deg + degrees(lon), 360.0)
 
     def error_m(self, far_m: float, _speed_m_s: float) -> float:
-        # What it says of its origin is cut off to whole numbers.
+        # PX4 truncates the origin that it reports to whole numbers.
         return _WHOLE_M + _WIRE_M + far_m * _SINGLE
 
 
 @dataclass(frozen=True, slots=True)
 class EarthFrame:
-    """How a vehicle's metres lie in a workspace with places on earth.
+    """The frame of a vehicle in a workspace with places on earth.
 
-    Heights are those of the vehicle, along its plumb line; x and y those of the place on the ellipsoid below it.
+    Heights are those of the vehicle, along its plumb line; x and y are those of the place on the ellipsoid below it.
 
     Attributes:
-        workspace: where it is.
-        sphere: the vehicle's.
-        plane_m: how high the plane z = 0 lies above the origin of its EKF: the height at which copters fly.
+        workspace: the workspace's projection.
+        sphere: the vehicle's sphere.
+        plane_m: height of the plane z = 0 above the origin of the vehicle's EKF: the height at which copters fly.
     """
 
     workspace: Projection
@@ -225,9 +225,9 @@ class EarthFrame:
         return x_m, y_m, -self.plane_m - down_m
 
     def to_velocity(self, at: tuple[float, float], north_m_s: float, east_m_s: float) -> tuple[float, float]:
-        """Return along x and y the velocity of a vehicle at a place in the workspace.
+        """Return the velocity along x and y of a vehicle at a place in the workspace.
 
-        Unlike its places, its velocities are in metres of the ellipsoid: its GPS measures them.
+        Unlike places, velocities are in metres of the ellipsoid: the vehicle's GPS measures them.
         """
         north, east = self.workspace.axes(*at)
         return north[0] * north_m_s + east[0] * east_m_s, north[1] * north_m_s + east[1] * east_m_s
@@ -241,14 +241,14 @@ class EarthFrame:
         """Return the yaw, in (-pi, pi], of a heading at a place in the workspace."""
         north, east = self.workspace.axes(*at)
         ahead_x, ahead_y = cos(heading_rad), sin(heading_rad)
-        # They are at right angles to 1e-5 rad where the largest site ends, so that no inverse is needed.
+        # The axes are perpendicular to within 1e-5 rad even at the end of the largest site: no inverse is needed.
         return atan2(east[0] * ahead_x + east[1] * ahead_y, north[0] * ahead_x + north[1] * ahead_y)
 
 
 def frame_of(
     workspace: GeoPoint | Projection | None, ekf: GeoPoint, plane_m: float, *, is_px4: bool
 ) -> Frame | EarthFrame:
-    """Return the frame of a vehicle, see `Frame.between`; `workspace` is a projection where it has places on earth."""
+    """Return the frame of a vehicle; for the arguments see `Frame.between`. A `Projection` makes an `EarthFrame`."""
     if not isinstance(workspace, Projection):
         return Frame.between(workspace, ekf, plane_m)
     return EarthFrame(workspace, Px4Sphere(ekf) if is_px4 else ArduPilotSphere(ekf), plane_m)

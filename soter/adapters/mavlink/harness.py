@@ -1,4 +1,4 @@
-"""What the conformance kit needs to judge the MAVLink adapters: fresh vehicles, and ways to break the link to them.
+"""Harnesses of the conformance kit for the MAVLink adapters: fresh vehicles, and ways to break the link to them.
 
 `soter conform mavlink` judges the rover. The other harnesses are given by name, as in
 `soter conform soter.adapters.mavlink.harness:CopterHarness`.
@@ -38,8 +38,8 @@ class MavlinkRelay(ImpairedRelay):
     """Passes datagrams on, both ways. Broadcasts are dropped while any vehicle is cut off.
 
     Args:
-        adapter_port: on which the adapter listens.
-        listens: where the vehicles send; port 0 for any that is free.
+        adapter_port: the port on which the adapter listens.
+        listens: the address to which the vehicles send; port 0 for any free port.
     """
 
     def __init__(self, adapter_port: int, listens: tuple[str, int] = (_HOST, 0)) -> None:
@@ -49,7 +49,7 @@ class MavlinkRelay(ImpairedRelay):
         self._parser: Final = mav.MAVLink(None)
         self._parser.robust_parsing = True
         self._peer: tuple[str, int] | None = None
-        # Vehicles share a link, so that they share its order too. Who is cut off is looked up in each datagram.
+        # Vehicles share a link, and so its order. The vehicle of each datagram is looked up, to cut off only some.
         self._up: Final = Line(EVERYBODY, lambda datagram: _send(self._adapter, datagram, (_HOST, adapter_port)))
         self._down: Final = Line(EVERYBODY, lambda datagram: _send(self._vehicles, datagram, self._peer))
         super().__init__()
@@ -77,7 +77,7 @@ class MavlinkRelay(ImpairedRelay):
             except BlockingIOError:
                 return
             except OSError:
-                # The other side is not there: what was sent to it came back as an error.
+                # The other end is not there: an earlier datagram to it came back as an error.
                 continue
             if upwards:
                 self._peer = peer
@@ -87,7 +87,7 @@ class MavlinkRelay(ImpairedRelay):
 
     @staticmethod
     def _sender(datagram: bytes) -> int:
-        # Autopilots may send what is no whole packet.
+        # Autopilots may send incomplete packets.
         return datagram[_SYSTEM_AT] if len(datagram) > _SYSTEM_AT else EVERYBODY
 
     def _addressee(self, datagram: bytes) -> int:
@@ -105,13 +105,13 @@ def _bound(at: tuple[str, int] = (_HOST, 0)) -> socket.socket:
 
 def _send(source: socket.socket, datagram: bytes, to: tuple[str, int] | None) -> None:
     if to is not None:
-        # Nobody may be there to take it.
+        # The receiver may be gone.
         with suppress(OSError):
             source.sendto(datagram, to)
 
 
 class MavlinkHarness(RelayedHarness):
-    """Opens simulated rovers behind a relay, for every fleet anew."""
+    """Opens simulated rovers behind a relay, new ones for every fleet."""
 
     name = "mavlink"
     connect_timeout_s = 30.0
@@ -128,7 +128,7 @@ class MavlinkHarness(RelayedHarness):
 
     @staticmethod
     def between(config: MavlinkConfig) -> tuple[MavlinkRelay, MavlinkConfig] | None:
-        """Return a relay to given vehicles that send to a UDP port, and options that lead to it.
+        """Return a relay to given vehicles that send to a UDP port, and options that connect to the relay.
 
         Raises:
             RobotUnavailable: the port is taken.
@@ -144,14 +144,14 @@ class MavlinkHarness(RelayedHarness):
         return relay, config.model_copy(update={"connection": f"udpin:{_HOST}:{port}"})
 
     def switchable(self) -> Switchable:
-        """Return a fleet of one fresh vehicle that no relay stands before; while it is switched it tells no truth."""
+        """Return a fleet of one fresh vehicle without a relay and without ground truth, to be switched off and on."""
         port = free_port()
         self._watched(port)
         self.fleet = self._opened(port, None, 1)
         return Switchable(self.fleet, self._end, lambda: self._watched(port))
 
     def stall(self, robot_id: int, seconds: float) -> None:
-        """Let the vehicles' program stand still; their world is lived through when it goes on."""
+        """Suspend the vehicles' program for a time; afterwards the simulation catches up."""
         assert isinstance(self.simulator, MavlinkSimulator)
         self.stopped(self.simulator.process, seconds)
 
@@ -185,16 +185,16 @@ class CopterHarness(MavlinkHarness):
 
     name = "mavlink (copter)"
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
-    # After a reboot it has to be made ready, armed and taken up anew, which takes longer than the kit waits.
+    # After a reboot a copter has to get ready, arm and take off again, which takes longer than the kit waits.
     switchable = Harness.switchable
 
 
 class PlainHarness(MavlinkHarness):
-    """Opens simulated rovers without anything that real autopilots lack: no gate, no lease."""
+    """Opens simulated rovers that, like real autopilots, have no gate and no lease."""
 
     name = "mavlink (plain rover)"
     simulator_options: ClassVar[tuple[str, ...]] = ("--plain",)
-    # After a reboot it has to be made ready and armed anew, which takes longer than the kit waits.
+    # After a reboot such a rover has to get ready and arm again, which takes longer than the kit waits.
     switchable = Harness.switchable
 
 
@@ -214,7 +214,7 @@ class MavsdkCopterHarness(MavsdkHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return the first robot at a port that comes as JSON; what the kit's driver process calls."""
+    """Open the first robot at a port that is given as JSON; called in the kit's driver process."""
     given = json.loads(argument)
     harness = HARNESSES[given["harness"].rpartition(":")[2]]()
     return harness._opened(given["port"], given["truth"], 1)

@@ -1,4 +1,4 @@
-"""The missions that vehicles hold, such as a ground station has sent them, as places in the workspace."""
+"""Reads the missions that ground stations have sent to vehicles, as places in the workspace."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ _ASK_S: Final = 1.0
 def read_missions(
     link: MavlinkLink, robot_ids: Sequence[int], origin: GeoPoint | Projection | None, timeout_s: float
 ) -> dict[int, HeldMission]:
-    """Ask vehicles for the missions that they hold. Nothing else is asked of them, and nothing is armed.
+    """Return the missions that vehicles hold. Nothing else is asked of them, and nothing is armed.
 
     Args:
         link: started, with an inbox for each vehicle.
-        robot_ids: which vehicles.
-        origin: of the workspace; None where each vehicle's EKF has its origin.
-        timeout_s: for all of them.
+        robot_ids: the vehicles' ids.
+        origin: of the workspace; None for the origin of each vehicle's EKF.
+        timeout_s: for all vehicles together.
 
     Raises:
-        RobotUnavailable: one does not answer in time.
+        RobotUnavailable: a vehicle does not answer in time.
     """
     clock, found = link.clock, dict[int, HeldMission]()
     asked = {robot_id: _asked(Vehicle(link, robot_id), origin) for robot_id in robot_ids}
@@ -77,7 +77,7 @@ def _asked(vehicle: Vehicle, origin: GeoPoint | Projection | None) -> Generator[
                 vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
             yield "the origin of its EKF"
     items = yield from ItemLists(vehicle).download(MISSION)
-    # The first item of an ArduPilot is its home.
+    # ArduPilot's first item is the home position.
     return _mission([*enumerate(items)][0 if vehicle.kind.is_px4 else 1 :], origin)
 
 

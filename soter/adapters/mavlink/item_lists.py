@@ -1,6 +1,6 @@
-"""Lists of items that a vehicle holds, its fence and its mission: read from it and sent to it by the mission protocol.
+"""Reads and sends the item lists of a vehicle, its fence and its mission, by the mission protocol.
 
-Like a preparation, nothing here waits: each generator yields what it waits for, and whoever steps it decides how long.
+As in a preparation, nothing here blocks: each generator yields what it waits for, and its caller decides how long.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ FENCE: Final[int] = mav.MAV_MISSION_TYPE_FENCE
 MISSION: Final[int] = mav.MAV_MISSION_TYPE_MISSION
 
 _ASK_AGAIN_S: Final = 1.0
-"""An autopilot asks again by itself after about as long; two who ask at once repeat items, which does no harm."""
+"""An autopilot asks again after about the same time; if both ask at once items are repeated, which does no harm."""
 
 _GIVEN_UP_S: Final = 10.0
-"""Autopilots give up an upload after 8 s by themselves; until then a new beginning would confuse them."""
+"""Autopilots give up an upload after 8 s; until then, to begin a new one would confuse them."""
 
 _MOST: Final = 10_000
-"""More than any autopilot has room for: a count above it is no count."""
+"""More items than any autopilot has room for: a larger count is ignored."""
 
 _HEARD: Final = ("MISSION_COUNT", "MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ITEM_INT", "MISSION_ACK")
 _KEPT: Final = 1000
@@ -43,10 +43,10 @@ class Item(NamedTuple):
 
     Attributes:
         command: a MAV_CMD.
-        params: its first four parameters.
+        params: the command's first four parameters.
         lat_e7: latitude in 1e-7 degrees.
         lon_e7: longitude in 1e-7 degrees.
-        z: in metres, as the frame has it.
+        z: height in metres, in the frame.
         frame: a MAV_FRAME.
     """
 
@@ -58,7 +58,7 @@ class Item(NamedTuple):
     frame: int = mav.MAV_FRAME_GLOBAL
 
     def means(self, other: Item) -> bool:
-        """Return whether both say the same, whatever is made of a height that has no meaning for them."""
+        """Return whether both items mean the same; height and frame, which have no meaning for a fence, are ignored."""
         return self[:4] == other[:4]
 
 
@@ -76,7 +76,7 @@ class ItemLists:
             self._heard.append((name, message))
 
     def _said(self, kind: int) -> tuple[str, Any] | None:
-        """Return what the vehicle has said of a list and was not looked at yet, with its name, or None."""
+        """Return the next unread message about a list, as name and message; None if there is none."""
         while self._heard:
             name, message = self._heard.popleft()
             if message.mission_type == kind:
@@ -89,10 +89,10 @@ class ItemLists:
         vehicle.send(KEEPER, name, {**whom, **fields})
 
     def upload(self, kind: int, items: Sequence[Item]) -> Generator[str, None, None]:
-        """Send a list; end once the vehicle has accepted it.
+        """Send a list, and end once the vehicle has accepted it.
 
         Raises:
-            RobotUnavailable: the vehicle does not take it.
+            RobotUnavailable: the vehicle does not accept it.
         """
         if len(items) > _MOST:
             raise RobotUnavailable(f"a list of {len(items)} items is more than a vehicle can take; allowed: {_MOST}")
@@ -124,7 +124,7 @@ class ItemLists:
         )  # fmt: skip
 
     def download(self, kind: int) -> Generator[str, None, list[Item]]:
-        """Ask for a list; return it."""
+        """Ask for a list, and return it."""
         vehicle, asked_s, count = self._vehicle, -math.inf, None
         items: list[Item] = []
         self._heard.clear()
@@ -143,6 +143,6 @@ class ItemLists:
                     params = (message.param1, message.param2, message.param3, message.param4)
                     items.append(Item(message.command, params, message.x, message.y, message.z, message.frame))
                     asked_s = -math.inf
-            yield f"item {len(items)} of {count} that it holds" if count else "it to say what it holds"
+            yield f"item {len(items)} of {count} that it holds" if count else "it to tell the size of its list"
         self._send("MISSION_ACK", kind, type=mav.MAV_MISSION_ACCEPTED)
         return items

@@ -1,4 +1,4 @@
-"""The way to a target, as vehicles without a gate, a lease and headings of their own are led along it."""
+"""The leg to a target, and the points on it that vehicles without gate, lease and headings are sent to."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _HAS_COURSE_M: Final = 0.3
 
 
 class TargetLeg(NamedTuple):
-    """The straight way to a target; the dead man of vehicles without one is a target no further than the lease covers.
+    """The straight leg to a target; targets no further ahead than the lease covers are the dead man of such vehicles.
 
-    A real autopilot drives on to its last target whatever becomes of who sent it. So it is given a point on the way
-    instead, as far ahead as it may still go without hearing more, and a new one with every renewal. When SOTER falls
-    silent the vehicle comes to rest there by itself.
+    A real autopilot drives on to its last target even if the sender is gone. So it is given a point on the leg, as far
+    ahead as the vehicle may still go without hearing more, and a new one with every renewal. When SOTER falls silent
+    the vehicle comes to rest there.
     """
 
     x_m: float
@@ -30,14 +30,14 @@ class TargetLeg(NamedTuple):
 
     @property
     def backwards(self) -> bool:
-        """Whether driving it backwards arrives closer to the heading that is asked for."""
+        """Whether the robot arrives closer to the requested heading if it drives the leg backwards."""
         return self._off_rad() > 0.5 * math.pi
 
     @property
     def along(self) -> bool:
-        """Whether it ends with the heading that is asked for by itself, driven forwards or backwards.
+        """Whether the leg, driven forwards or backwards, ends with the requested heading without a turn.
 
-        A short one may have a slant: where the robot is was known a little later than the heading was chosen.
+        A short leg may be at an angle to it: the robot's position became known a little after the heading was chosen.
         """
         length_m = math.hypot(self.target.x_m - self.x_m, self.target.y_m - self.y_m)
         slant_rad = _ALONG_RAD if length_m > _HAS_COURSE_M else math.inf
@@ -51,20 +51,20 @@ class TargetLeg(NamedTuple):
         return abs(wrapped_rad(target.heading_rad - course_rad))
 
     def ended(self, at: RobotState, noise_m: float) -> bool:
-        """Whether the robot has driven it, as far as it can know that, and has arrived.
+        """Return whether the robot has driven the leg and arrived, as far as the noise of positions lets that be known.
 
-        A rover that is told a place again, and has rolled a little beyond it, turns round in place and goes back.
+        A rover that has rolled a little beyond a place, and is sent there again, turns round in place and goes back.
         """
         target = self.target
-        # Where it was when it was sent there, and where it is now, may both be wrong.
+        # Both the start of the leg and the position now may be off by the noise.
         near_m = 2.0 * noise_m
         driven = math.hypot(target.x_m - self.x_m, target.y_m - self.y_m) > near_m
         return driven and math.hypot(target.x_m - at.x_m, target.y_m - at.y_m) <= min(near_m, target.radius_m)
 
     def looking_ahead(self, at: RobotState) -> Waypoint:
-        """Return what a copter is to do now: turn to where it will go, then go there, so that it sees where it goes.
+        """Return a copter's target for now: first a turn on the spot towards the target, then the target itself.
 
-        A target with a heading, or one that is quite near, is flown to as it is.
+        So a copter looks where it flies. A target with a heading, or one quite near, is returned as it is.
         """
         target = self.target
         dx_m, dy_m = target.x_m - self.x_m, target.y_m - self.y_m
@@ -77,7 +77,7 @@ class TargetLeg(NamedTuple):
         return target._replace(heading_rad=course_rad)
 
     def ahead(self, at: RobotState, reach_m: float) -> tuple[float, float, float]:
-        """Return the point on the way that is `reach_m` ahead of a vehicle, or the target where that is nearer."""
+        """Return the point on the leg that is `reach_m` ahead of a vehicle, or the target if that is nearer."""
         dx_m, dy_m, dz_m = self.target.x_m - self.x_m, self.target.y_m - self.y_m, self.target.z_m - self.z_m
         length_m = math.hypot(dx_m, dy_m, dz_m)
         if length_m < _SHORT_M:
@@ -88,5 +88,5 @@ class TargetLeg(NamedTuple):
 
 
 def reach_m(v_m_s: float, brake_m_s2: float, lease_left_s: float) -> float:
-    """Return how far ahead a target may be: what is driven in the rest of the lease, and the way to stop after it."""
+    """Return how far ahead a target may be: the distance driven in the rest of the lease, plus the braking distance."""
     return v_m_s * lease_left_s + v_m_s * v_m_s / (2.0 * brake_m_s2)

@@ -1,4 +1,4 @@
-"""What the adapter needs of a MAVLink library: the latest messages of each autopilot, and a way to send."""
+"""The adapter's interface to a MAVLink library: the latest messages of each autopilot, and a way to send."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from soter.clock import Clock
 logger = logging.getLogger(__name__)
 
 AUTOPILOT: Final = 1
-"""The component id of autopilots. Other components of a vehicle, such as cameras, say nothing of interest here."""
+"""The component id of autopilots. Messages of other components, such as cameras, are ignored."""
 
 Fields = Mapping[str, Any]
-"""The fields of a message by name. A message that was heard has them as attributes."""
+"""The fields of a message by name. A received message has them as attributes."""
 
 
 class Heard(NamedTuple):
-    """A message, its fields as attributes, and the steady time at which it was received."""
+    """A message with its fields as attributes, and the steady time at which it was received."""
 
     message: Any
     received_s: float
 
 
 class DuplicateVehicle(NamedTuple):
-    """Two who say to be one vehicle.
+    """Two vehicles with one system id.
 
     Attributes:
-        agreed: the address of the one that is heard, and told what to do.
-        other: that of the one that is not.
-        messages: how many of its messages were dropped.
-        last_s: steady time of the last of them.
+        agreed: the address of the vehicle that is heard and commanded.
+        other: the address of the vehicle that is ignored.
+        messages: how many messages of the ignored vehicle were dropped.
+        last_s: steady time of the last dropped message.
     """
 
     agreed: str
@@ -42,14 +42,14 @@ class DuplicateVehicle(NamedTuple):
     last_s: float
 
     def __str__(self) -> str:
-        return f"two say to be it, at {self.agreed}, which is obeyed, and at {self.other}"
+        return f"two vehicles have its system id: one at {self.agreed}, which is used, and one at {self.other}"
 
 
 class Inbox:
-    """What one autopilot has said: the latest message of each kind; nothing is queued.
+    """The latest message of each kind from one autopilot; nothing is queued.
 
-    The receiving thread writes, anybody reads. A hook is called by the receiving thread with every message of its kind:
-    it is for what must not be missed, and has to be quick.
+    The receiving thread writes, any thread reads. The receiving thread calls a hook with every message of its kind:
+    hooks are for messages that must not be missed, and have to be quick.
     """
 
     __slots__ = ("counts", "hooks", "latest")
@@ -71,14 +71,14 @@ class Inbox:
 class MavlinkLink(ABC):
     """A connection over which any number of vehicles are reached, each by its system id.
 
-    What a system that nobody asked for says is ignored, so that a foreign heartbeat never changes who is commanded.
+    Messages of systems without an inbox are ignored, so that a foreign heartbeat never changes which one is commanded.
 
     Attributes:
-        system: the same.
-        inboxes: by system id, of the vehicles that are listened to; filled before `start`.
-        strangers: system ids of other autopilots that were heard, to say so.
-        duplicates: by system id, those who say to be a vehicle that is at another address already; they are not heard.
-        failed: how many messages could not be dealt with. The first is logged.
+        system: our system id.
+        inboxes: by system id, for each vehicle to listen to; filled before `start`.
+        strangers: system ids of other autopilots that were heard, for messages to users.
+        duplicates: by system id, vehicles whose id is in use at another address already; they are ignored.
+        failed: how many messages could not be processed. The first is logged.
     """
 
     def __init__(self, clock: Clock, system: int) -> None:
@@ -90,18 +90,18 @@ class MavlinkLink(ABC):
         self.failed = 0
 
     def send(self, system: int, component: int, name: str, fields: Fields) -> None:
-        """Send a message to a vehicle in the name of one of our components; never wait.
+        """Send a message to a vehicle as one of our components, without waiting.
 
-        What cannot be sent is dropped: the sender repeats it.
+        A message that cannot be sent is dropped: the caller repeats it.
 
         Args:
-            system: to which vehicle.
-            component: our component id, one of those that the link was opened with.
-            name: of the message.
+            system: the vehicle's system id.
+            component: one of our component ids, with which the link was opened.
+            name: the message's name.
             fields: all of its fields.
 
         Raises:
-            ValueError: a number is not finite; there are autopilots that crash of one.
+            ValueError: a number is not finite; some autopilots crash on such numbers.
         """
         for key, value in fields.items():
             if isinstance(value, float) and not math.isfinite(value):
@@ -109,7 +109,7 @@ class MavlinkLink(ABC):
         self._send(system, component, name, fields)
 
     def _dropped(self, what: str, failure: Exception) -> None:
-        """Note that a message could not be dealt with: what arrives is anybody's, and must not deafen the others."""
+        """Count a message that could not be processed: anybody can send one, and the others must still be heard."""
         self.failed += 1
         if self.failed == 1:
             logger.error("dropped %s", what, exc_info=failure)

@@ -1,4 +1,4 @@
-"""The backend `mavsdk`: the same vehicles, with MAVSDK speaking MAVLink instead of pymavlink."""
+"""The backend `mavsdk`: the vehicles of the backend `mavlink`, by MAVSDK instead of pymavlink."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class MavsdkBackend(VehicleBackend):
     harness: ClassVar[str] = "soter.adapters.mavlink.harness:MavsdkHarness"
 
     def _link(self, clock: Clock, address: Address, config: MavlinkConfig) -> MavlinkLink:
-        # Imported here, so that the class can be named where the library is not installed.
+        # Imported here, so that the class can be imported without the library.
         from soter.adapters.mavlink.mavsdk_link import MavsdkLink
 
         if config.passphrase_file is not None:

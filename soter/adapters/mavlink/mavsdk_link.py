@@ -1,9 +1,9 @@
-"""MAVLink 2 by MAVSDK, in this process: it hears, decodes, packs and sends.
+"""MAVLink 2 by MAVSDK, which receives, decodes, packs and sends in this process.
 
-MAVSDK's own telemetry carries no stamps, and its offboard plugin repeats the last target by itself, which would defeat
-the lease. So messages go through its direct interface: every one comes as JSON, and each of our components is a server
-component of MAVSDK with a component id of its own. What it cannot do is to sign, and to be silent: it sends heartbeats
-of every component by itself for as long as the process lives.
+MAVSDK's telemetry carries no stamps, and its offboard plugin repeats the last target by itself, which would defeat the
+lease. So messages go through its direct interface: each one comes as JSON, and each of our components is a server
+component of MAVSDK with its own component id. MAVSDK cannot sign, and cannot be silent: it sends heartbeats of every
+component for as long as the process lives.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ class MavsdkLink(MavlinkLink):
 
     def start(self) -> None:
         if self._address.kind == "udpin" and _in_use(self._address):
-            # MAVSDK would say that all is well, and hear nothing.
+            # MAVSDK would report success, and receive nothing.
             raise RobotUnavailable(f"connection '{self._address}' is in use; end the other program that listens there")
         log_subscribe(_log)
         keeper = self._components[0]
         configuration = mavsdk.Configuration.create_manual(self.system, keeper, True)
-        # MAVSDK makes a folder for each vehicle there, which it leaves behind if this process is killed. Only the
-        # library sees it: what is started from here gets `os.environ`.
+        # MAVSDK makes a folder for each vehicle in TMPDIR, and leaves it behind if this process is killed. Only the
+        # library sees this TMPDIR: programs started from here get `os.environ`.
         self._scratch = Scratch("mavsdk")
         os.putenv("TMPDIR", str(self._scratch.path))
         self._mavsdk = started = mavsdk.Mavsdk(configuration)
@@ -114,7 +114,7 @@ class MavsdkLink(MavlinkLink):
 
 
 def _log(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
-    """Take what MAVSDK says; it must not write into the terminal."""
+    """Log a message of MAVSDK, which must not write to the terminal."""
     logger.log(_LEVELS.get(level, logging.DEBUG), "MAVSDK: %s", message)
     return True
 

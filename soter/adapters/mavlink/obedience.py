@@ -1,8 +1,8 @@
-"""Whether a vehicle does what it is told, and knows where it is: what it says of itself, looked at in every tick.
+"""Checks in every tick, by a vehicle's own reports, whether it obeys and whether it knows where it is.
 
-Nothing is believed because it was sent. A vehicle obeys while it is armed, in the mode that takes targets, no fail-safe
-of its own acts, where it goes is a place that it was sent, and its parameters allow what is promised. It knows where it
-is while its EKF says so, and its GPS, where it had one, finds places.
+That a command was sent proves nothing. A vehicle obeys while it is armed, it is in the mode that takes targets, no
+fail-safe of its own acts, its target is a place that was sent here, and its parameters allow the promise. It knows
+where it is while its EKF says so, and its GPS has a fix, if it had one at the start.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import Vehicle
 
 _VARIANCE: Final = 0.8
-"""Of an EKF's innovations: from here on ArduPilot's own fail-safe acts, once it has lasted for a second."""
+"""Variance of an EKF's innovations above which ArduPilot's own fail-safe acts after a second."""
 
 _NO_FIX_S: Final = 0.8
-"""A GPS that has found no place for so long has lost its satellites; ArduPilot, whose GPS has to find five a second,
-says so some seconds later."""
+"""A GPS without a fix for this time has lost its satellites; ArduPilot, whose GPS has to give five fixes a second,
+reports the loss some seconds later."""
 
 _TOOK_S: Final = 5.0
-"""A vehicle that leaves its mode so soon after something failed has done so by itself; else somebody took it."""
+"""A vehicle that leaves its mode within this time after a failure has done so by itself; else a person changed it."""
 
 _GONE_S: Final = 1.0
 
 _ELSEWHERE_M: Final = 1.0
-"""A place so far from all that were sent is another ground station's. Autopilots report places to a centimetre."""
+"""A target this far from all sent places is another ground station's. Autopilots report places to a centimetre."""
 
 _TARGET: Final = "POSITION_TARGET_GLOBAL_INT"
 _FIX: Final = mav.GPS_FIX_TYPE_3D_FIX
@@ -38,16 +38,16 @@ _ACTS: Final = frozenset({mav.MAV_STATE_CRITICAL, mav.MAV_STATE_EMERGENCY, mav.M
 _VARIANCES: Final = (
     "velocity_variance", "pos_horiz_variance", "compass_variance", "vel_ratio", "pos_horiz_ratio", "mag_ratio",
 )  # fmt: skip
-"""As ArduPilot and PX4 call them; both are shares of what the EKF still believes."""
+"""ArduPilot's and PX4's names; all are ratios to the largest value that the EKF still accepts."""
 
 
 class Obedience:
-    """What one vehicle does instead of what it is told. Used in the supervisor's thread.
+    """Tells whether one vehicle obeys and knows where it is. Used in the supervisor's thread.
 
     Attributes:
-        origin: where its EKF has its origin; None for a vehicle that is not asked where it goes.
-        astray: why its position is not to be trusted; empty while it is.
-        disobeys: what it does instead of driving where it is told; empty while it obeys.
+        origin: the origin of the vehicle's EKF; None for a vehicle whose target is not watched.
+        astray: why the vehicle's position cannot be trusted; empty while it can.
+        disobeys: what the vehicle does instead of obeying; empty while it obeys.
     """
 
     def __init__(self, vehicle: Vehicle, setpoints: Setpoints, judged: JudgedParameters) -> None:
@@ -68,8 +68,8 @@ class Obedience:
         """Begin anew with a vehicle that is ready.
 
         Args:
-            origin: where its EKF has its origin.
-            gated: whether the vehicle itself enforces who is in charge: then nobody else leads it or sets parameters.
+            origin: the origin of the vehicle's EKF.
+            gated: whether the vehicle has a gate of its own: then targets and parameters of others are no concern.
         """
         self._gated = gated
         self.origin = None if gated or self._vehicle.kind.is_px4 else origin
@@ -81,7 +81,7 @@ class Obedience:
         self.astray = self.disobeys = ""
 
     def look(self) -> None:
-        """Look at what the vehicle has said last."""
+        """Update `astray` and `disobeys` by the vehicle's latest messages."""
         vehicle = self._vehicle
         now_s = vehicle.now_s
         self.astray = self._lost_its_way()
@@ -96,7 +96,7 @@ class Obedience:
 
     @property
     def may_be_taken_back(self) -> bool:
-        """Whether it has left by itself, and what made it do so is gone. What a pilot has taken stays his."""
+        """Whether the vehicle left its mode by itself, and the cause is gone. What a pilot took stays the pilot's."""
         gone = self._vehicle.now_s - self._failed_s > _GONE_S
         return bool(self.disobeys) and self._by_itself and gone
 
@@ -116,7 +116,7 @@ class Obedience:
         return self._led_elsewhere() or ("" if self._gated else self._judged.why_refused())
 
     def _led_elsewhere(self) -> str:
-        """Return who else sends it somewhere: for a second from when it last said that it goes there."""
+        """Return a message if the vehicle drives to another's target, until a second after its last report of one."""
         now_s = self._vehicle.now_s
         target = None if self.origin is None else self._vehicle.heard_since(_TARGET, self._looked_s)
         self._looked_s = now_s
@@ -137,7 +137,7 @@ class Obedience:
             return "its EKF sees its GPS jump"
         for name in _VARIANCES:
             value = getattr(report, name, 0.0)
-            # Written so that NaN counts.
+            # Also true for NaN.
             if not value < _VARIANCE:
                 return f"its EKF does not believe what it measures: {name} is {value:.2f}, allowed: below {_VARIANCE:g}"
         gps = vehicle.inbox.latest.get("GPS_RAW_INT")
@@ -145,7 +145,7 @@ class Obedience:
             return ""
         if gps.message.fix_type < _FIX:
             return f"its GPS has lost its place: fix type {gps.message.fix_type}, allowed: {_FIX} or more"
-        # By the vehicle's own clock: on a link that is silent there is no news of the GPS either.
+        # By the vehicle's own clock: while the link is silent there is no news of the GPS either.
         stamp_s = vehicle.inbox.latest["LOCAL_POSITION_NED"].message.time_boot_ms * 1e-3
         if gps.message.time_usec != self._fix or stamp_s < self._fix_s:
             self._fix, self._fix_s = gps.message.time_usec, stamp_s

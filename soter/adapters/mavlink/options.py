@@ -1,4 +1,4 @@
-"""Options of the backends `mavlink` and `mavsdk`, and what vehicles promise by them."""
+"""Options of the backends `mavlink` and `mavsdk`, and the promise of their vehicles."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ ROVER: Final = Capabilities(
     speed_noise_m_s=0.01,
     pivots_first=True,
 )
-"""What the simulated rover promises in real time; times without its own control and stream periods."""
+"""The simulated rover's promise in real time; its control and stream periods are added to the times."""
 
 COPTER: Final = replace(ROVER, brake_m_s2=2.0, yaw_rate_max_rad_s=1.5, pivots_first=False)
-"""The same of the simulated copter."""
+"""The simulated copter's promise, likewise."""
 
 STREAM_HZ: Final = 50.0
 
@@ -53,7 +53,7 @@ _HOST_TIMES: Final = ("latency_s", "sample_age_s", "jitter_s")
 
 
 class Origin(BaseModel, extra="forbid", frozen=True):
-    """Where on earth the workspace has its origin."""
+    """The workspace's origin on earth."""
 
     lat_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
     lon_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
@@ -61,7 +61,7 @@ class Origin(BaseModel, extra="forbid", frozen=True):
 
 
 class Voltage(BaseModel, extra="forbid", frozen=True):
-    """What the voltage of a battery means, for autopilots that do not count its charge.
+    """The voltages of a full and an empty battery, for autopilots that do not count the charge.
 
     Attributes:
         empty_v: the charge is 0 at or below it.
@@ -82,23 +82,23 @@ class MavlinkConfig(BackendConfig):
     """Options of the backends `mavlink` and `mavsdk`.
 
     Attributes:
-        connection: where the vehicles are; None: simulated ones are started, and ended with the run.
-        truth: where a simulator that was started by hand tells what really happens, as host:port.
-        vehicle: what the vehicles are.
-        system_id: ours; an ArduPilot heeds only the heartbeats of the one in its SYSID_MYGCS, which is 255.
-        passphrase_file: its first line signs every message; what is not signed with it is dropped.
-        unsigned: go without signing over a connection that leaves this host.
-        origin: of a workspace in metres; None: each vehicle's EKF has its origin there.
-        height_m: how high above the EKF's origin copters fly: the workspace's plane z = 0.
-        stream_hz: how often samples come; a vehicle that grants less is refused.
-        speedup: seconds of the vehicles in one second of the host; for simulated ones only.
-        engine: of the simulated ones that are started; None where vehicles are given, which move by themselves.
-        boot_s: vehicle time until these are ready.
-        on_close: what copters do in the end, after they have stopped.
-        promise: what differs from the simulated vehicles; `latency_s`, `sample_age_s` and `jitter_s` are those of link
-            and host, in host seconds: the vehicle's control period and the period of its samples come on top.
+        connection: address of the vehicles; None starts simulated vehicles, and ends them with the run.
+        truth: address, as host:port, of the ground truth of a simulator that was started by hand.
+        vehicle: the kind of vehicle.
+        system_id: our system id; an ArduPilot heeds only the heartbeats of its SYSID_MYGCS, 255 by default.
+        passphrase_file: a file whose first line signs every message; messages without this signature are dropped.
+        unsigned: whether a connection that leaves this host may go without signing.
+        origin: of a workspace in metres; None for the origin of each vehicle's EKF.
+        height_m: height of the workspace's plane z = 0, in which copters fly, above the EKF's origin.
+        stream_hz: rate of the samples; a vehicle that grants less is refused.
+        speedup: vehicle seconds per host second; for simulated vehicles only.
+        engine: of the simulated vehicles that are started; None with a connection.
+        boot_s: vehicle time until these vehicles are ready.
+        on_close: what copters do at the end, after they have stopped.
+        promise: differences from the simulated vehicles; `latency_s`, `sample_age_s` and `jitter_s` are those of link
+            and host, in host seconds: the vehicle's control period and the period of its samples are added.
         voltage: for autopilots that do not count the charge.
-        upload_fence: have each vehicle hold the workspace as its own fence too, and look at it.
+        upload_fence: whether to upload the workspace to each vehicle as its own fence, and enable it.
     """
 
     connection: str | None = None
@@ -174,11 +174,11 @@ class MavlinkConfig(BackendConfig):
         return self
 
     def read_passphrase(self) -> str | None:
-        """Return the passphrase, or None where nothing is signed.
+        """Return the passphrase, or None if nothing is signed.
 
         Raises:
             OSError: the file cannot be read.
-            ValueError: it has none.
+            ValueError: the file has no passphrase.
         """
         if self.passphrase_file is None:
             return None
@@ -193,14 +193,14 @@ class MavlinkConfig(BackendConfig):
 
     @property
     def geo_origin(self) -> GeoPoint | Projection | None:
-        """The workspace's origin on earth; the projection of one with places on earth."""
+        """The workspace's origin on earth, or the workspace's projection if it has places on earth."""
         if self._earth is not None:
             return Projection(self._earth, "workspace")
         origin = self.origin
         return None if origin is None else GeoPoint(origin.lat_deg, origin.lon_deg, origin.alt_m)
 
     def promised(self) -> Capabilities:
-        """Return what the vehicles promise: times are in fleet time, of which a host second has `speedup`."""
+        """Return the vehicles' promise; times are in fleet time, `speedup` seconds of which pass in a host second."""
         base = VEHICLES[self.vehicle]
         if self.has_bodies:
             base = replace(base, setpoint_period_s=1.0 / _BODIES_HZ)
@@ -212,17 +212,17 @@ class MavlinkConfig(BackendConfig):
 
     @property
     def has_bodies(self) -> bool:
-        """Whether the vehicles are simulated as rigid bodies, which have fewer control periods in a second."""
+        """Whether the vehicles are simulated as rigid bodies, with fewer control periods per second."""
         return self.connection is None and self.engine == "pybullet"
 
     @property
     def samples_hz(self) -> float:
-        """How often samples come: as often as asked for, or as there are control periods."""
+        """Samples per second: as many as requested, at most one per control period."""
         return min(self.stream_hz, _BODIES_HZ) if self.has_bodies else self.stream_hz
 
 
 def simulated(vehicle: str) -> Capabilities:
-    """Return what a simulated vehicle promises in real time."""
+    """Return a simulated vehicle's promise in real time."""
     return _with_periods(VEHICLES[vehicle], STREAM_HZ, 1.0)
 
 

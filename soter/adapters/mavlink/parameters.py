@@ -1,4 +1,4 @@
-"""The parameters of an autopilot that its promise stands on: judged before it is armed, and watched while it drives."""
+"""The autopilot parameters that its promise depends on: checked before it is armed, and watched while it drives."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ _STEERING: Final = {
     "SERVO1_FUNCTION": (26.0, 26.0, "it steers with its wheels, and cannot turn in place"),
     "WP_PIVOT_ANGLE": (0.0, 5.0, "it does not turn in place"),
 }
-"""Values from one to another that are refused. ArduRover takes a pivot angle of 5 degrees or less for none."""
+"""Ranges of values that are refused. ArduRover treats a pivot angle of 5 degrees or less as none."""
 
 _ASK_S: Final = 1.0
 
 
 class JudgedParameters:
-    """What one vehicle says of those parameters. Used in the supervisor's thread.
+    """Checks the reported parameters of one vehicle. Used in the supervisor's thread.
 
-    An autopilot tells everybody when a parameter is set. That is told once, and may be lost: one of them is asked for
-    every second.
+    An autopilot announces a new value only once, and the message may be lost: one parameter is asked for every second.
     """
 
     def __init__(self, vehicle: Vehicle, promised: Capabilities) -> None:
@@ -31,19 +30,19 @@ class JudgedParameters:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Which they are, in the order in which they are asked for."""
+        """The parameters' names, in the order in which they are asked for."""
         kind = self._vehicle.kind
         return (*(_STEERING if kind == ARDUROVER else ()), *kind.brakes)
 
     def why_refused(self) -> str:
-        """Return which of them does not allow what is promised, and what would; empty if all do.
+        """Return which parameter does not allow the promise, and values that would; empty if all allow it.
 
-        Who does not say is not judged.
+        Parameters that the vehicle does not report are not checked.
         """
         return self._steers_wrongly() or self._brakes_weakly()
 
     def ask_again(self) -> None:
-        """Ask for the next of them, now and then. Called while the vehicle drives."""
+        """Ask for the next parameter if one is due. Called while the vehicle drives."""
         now_s, names = self._vehicle.now_s, self.names
         if names and now_s - self._asked_s >= _ASK_S:
             self._asked_s, self._asked = now_s, self._asked + 1
@@ -55,7 +54,7 @@ class JudgedParameters:
             return ""
         for name, (from_, to, why) in _STEERING.items():
             value = self._vehicle.parameters.get(name)
-            # Written so that NaN is refused.
+            # Also refuses NaN.
             if value is not None and not (value < from_ or value > to):
                 return (
                     f"its {name} is {value:g}: {why}; safe controllers turn in place, and it would drive a curve "
@@ -65,7 +64,7 @@ class JudgedParameters:
         return ""
 
     def _brakes_weakly(self) -> str:
-        """Refuse a vehicle that limits its own braking to less than is promised."""
+        """Refuse a vehicle that limits its braking to less than promised."""
         for name in self._vehicle.kind.brakes:
             most_m_s2 = self._vehicle.parameters.get(name)
             if most_m_s2 is None or most_m_s2 >= self._brake_m_s2:

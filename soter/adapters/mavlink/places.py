@@ -1,4 +1,4 @@
-"""Whether a vehicle's places are those of a workspace on earth: asked before it is armed."""
+"""Checks, before a vehicle is armed, that its places fit a workspace on earth."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ _TRIES: Final = 3
 
 
 def judge_places(vehicle: Vehicle, ekf: GeoPoint, config: MavlinkConfig, promised: Capabilities) -> Iterator[str]:
-    """Judge a vehicle, step by step; yield what is waited for. A workspace in metres asks nothing of it.
+    """Check a vehicle, step by step; yield what the step waits for. For a workspace in metres nothing is checked.
 
     Args:
-        vehicle: which, with LOCAL_POSITION_NED heard.
-        ekf: where its EKF has its origin.
-        config: with the workspace.
-        promised: how fast it is, and how well its places are known.
+        vehicle: the vehicle, with LOCAL_POSITION_NED heard.
+        ekf: the origin of its EKF.
+        config: the options, with the workspace.
+        promised: the vehicle's top speed and position noise.
 
     Raises:
-        RobotUnavailable: its EKF has its origin too far away, its arithmetic alone is worse than what is promised, or
-            it reckons otherwise than it is expected to: where it is on earth and where it is from its origin differ.
+        RobotUnavailable: the EKF's origin is too far away, the error of the vehicle's arithmetic alone exceeds the
+            promised noise, or its place on earth and its place from the EKF's origin differ.
     """
     frame = frame_of(config.geo_origin, ekf, 0.0, is_px4=vehicle.kind.is_px4)
     if not isinstance(frame, EarthFrame):
@@ -69,6 +69,6 @@ def judge_places(vehicle: Vehicle, ekf: GeoPoint, config: MavlinkConfig, promise
             return
         if not left:
             raise RobotUnavailable(
-                f"where it says that it is on earth is {off_m:.2f} m from where it says that it is from the origin of "
-                f"its EKF, allowed at rest: {_ASIDE_M:g} m; it reckons otherwise than is known of its autopilot"
+                f"its reported place on earth is {off_m:.2f} m from its reported place relative to its EKF's origin, "
+                f"allowed at rest: {_ASIDE_M:g} m; it converts places otherwise than its autopilot is known to"
             )

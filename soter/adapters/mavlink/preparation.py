@@ -1,7 +1,7 @@
-"""Gets a vehicle ready, and ready again after a reboot: what is missing is asked for until the vehicle shows it.
+"""Gets a vehicle ready, and ready again after a reboot: asks for each missing thing until the vehicle reports it.
 
-`step` asks for one thing at a time and never waits, so that `init()` and a supervisor that must not stop call the same.
-Nothing is believed because it was sent or accepted: every step ends with what the vehicle itself reports.
+`step` asks for one thing at a time and never waits, so that both `init()` and the supervisor's tick can call it. That a
+command was sent or accepted proves nothing: every step ends with a report of the vehicle itself.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from soter.errors import RobotUnavailable
 from soter.sdk import Capabilities, Controller
 
 _DUPLICATE_MESSAGES: Final = 3
-"""So many are no stray packet."""
+"""Dropped messages that prove a duplicate; fewer may be stray packets."""
 
 _ANSWER_S: Final = 1.0
 _KEEP_S: Final = 0.05
@@ -41,7 +41,7 @@ STREAMS: Final = {
     "ATTITUDE": mav.MAVLINK_MSG_ID_ATTITUDE,
     "LOCAL_POSITION_NED": mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
 }
-"""What samples are made of. Of its position ArduPilot says nothing before it knows it, which takes most of a minute."""
+"""The messages that samples are made of. ArduPilot sends no position before it knows it, after most of a minute."""
 
 _SLOW_STREAMS: Final = (
     mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_SYS_STATUS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
@@ -54,16 +54,16 @@ _REPORT_HZ: Final = 20.0
 
 
 class Preparation:
-    """What one vehicle still lacks.
+    """Gets one vehicle ready.
 
     Attributes:
-        may_arm: whether it is its turn to be armed; what does not need it armed is done before.
-        armed_it: whether it was armed here.
-        taken: whether it is the expected vehicle and was asked for something, so that it has to be left in order.
+        may_arm: whether the vehicle may be armed now; the steps that do not need it armed come before.
+        armed_it: whether the vehicle was armed here.
+        taken: whether the vehicle is the expected one and was sent requests, so that it has to be left in order.
         ready: whether nothing is missing.
-        waits_for: what is, in words.
-        gated: whether the vehicle itself enforces who is in charge; None until it has said.
-        origin: where its EKF has its origin; None until it has said.
+        waits_for: what is missing, in words.
+        gated: whether the vehicle has a gate of its own; None until it has answered.
+        origin: the origin of the vehicle's EKF; None until it is reported.
     """
 
     def __init__(
@@ -98,21 +98,21 @@ class Preparation:
         self.begin()
 
     def begin(self) -> None:
-        """Begin, or begin anew: nothing that the vehicle said up to now counts."""
+        """Begin, or begin anew: earlier messages of the vehicle do not count."""
         self._since_s = self._vehicle.now_s
         self._vehicle.parameters.clear()
         self._authority.begin()
-        # What it does to get ready is asked for by the keeper itself.
+        # While the vehicle gets ready, the keeper itself sends its commands.
         self._named = KEEPER
         self._keep_alive = None
         self._steps = self._run()
         self.ready = False
 
     def step(self) -> bool:
-        """Ask for what is missing; return whether nothing is.
+        """Ask for what is missing, and return whether the vehicle is ready.
 
         Raises:
-            RobotUnavailable: the vehicle is none that can be commanded, or not the one that was promised.
+            RobotUnavailable: the vehicle cannot be commanded, or does not keep its promise.
         """
         if self._keep_alive is not None and self._vehicle.now_s - self._kept_s >= _KEEP_S:
             self._kept_s = self._vehicle.now_s
@@ -120,7 +120,7 @@ class Preparation:
         try:
             self.waits_for = next(self._steps, "")
         except RobotUnavailable:
-            # It cannot go on from here; who asks again begins again.
+            # The steps cannot go on from here: the next call begins anew.
             self.begin()
             raise
         self.ready = not self.waits_for
@@ -128,12 +128,12 @@ class Preparation:
 
     @property
     def moved(self) -> bool:
-        """Whether its EKF has another origin than when it got ready: what it says of places means others since then."""
+        """Whether the EKF's origin has changed since the vehicle got ready, so that its places mean others."""
         said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
         return said is not None and place_of(said) != self.origin
 
     def why_not(self) -> str:
-        """Return what it lacks, with what the autopilot itself says of it."""
+        """Return what is missing, with the autopilot's own complaints."""
         vehicle = self._vehicle
         text, complaints = self.waits_for, vehicle.complaints(self._since_s)
         if vehicle.heartbeat is None and vehicle.link.strangers:
@@ -173,27 +173,27 @@ class Preparation:
         yield from judge_places(vehicle, self.origin, self._config, self._promised)
         yield from self._until(lambda: self._time_sync.settled, "its clock to be known")
         if vehicle.mode == kind.guided and vehicle.armed:
-            # Whatever it was on its way to is dropped by leaving the mode.
+            # Leaving the mode drops the target that the vehicle has.
             yield from self._mode(kind.stop)
         if kind.is_px4:
-            # It takes targets only from who has been sending them for a while, and goes on doing so.
+            # PX4 takes targets only from a sender that has been sending them for a while, and goes on sending.
             self._keep_alive = self._stand
         yield from self._mode(kind.guided)
-        yield from self._until(self._knows_gate, "it to say whether it knows who is in charge", self._ask_for_gate)
+        yield from self._until(self._knows_gate, "it to say whether it has a gate of its own", self._ask_for_gate)
         if not self.gated:
             yield from self._judge_parameters()
             if not kind.is_px4:
-                # Where it goes, whoever sent it there.
+                # The vehicle's target, whoever sent it.
                 yield from self._granted("POSITION_TARGET_GLOBAL_INT", mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT)
         reboots = self._time_sync.reboots
         if self._config.upload_fence and self._fenced != reboots:
-            # Once in each of its lives: it is long to read back, and who was only silent holds it still.
+            # Once after each boot: reading it back takes long, and a vehicle that was only silent still holds it.
             items = fence_items(self._config.workspace, self._config.geo_origin or self.origin)
             yield from put_up(vehicle, self._lists, items, self._parameter)
             self._fenced = reboots
         yield from self._until(lambda: self.may_arm, "its turn to arm")
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
-        # After a silence it may be flying already, at whatever height it was sent to.
+        # After a silence the vehicle may be flying already, at whatever height it was sent to.
         if kind.flies and self._up_m() <= _HEIGHT_M:
             yield from self._fly()
         while not self._rests():
@@ -203,18 +203,18 @@ class Preparation:
             yield from self._until(lambda: self._authority.reported() == self._named, "it to obey the safe controller")
 
     def _judge_parameters(self) -> Iterator[str]:
-        """Refuse a vehicle whose own parameters do not allow what is promised."""
+        """Refuse a vehicle whose own parameters do not allow the promise."""
         yield from self._told(self._judged.names)
         if why := self._judged.why_refused():
             raise RobotUnavailable(why)
 
     def _parameter(self, name: str) -> Generator[str, None, float | None]:
-        """Ask for a parameter; return it, or None where the vehicle does not say."""
+        """Ask for a parameter; return its value, or None if the vehicle does not answer."""
         yield from self._told((name,))
         return self._vehicle.parameters.get(name)
 
     def _told(self, names: Sequence[str]) -> Iterator[str]:
-        """Ask for parameters; wait until it has told them all, or for some time."""
+        """Ask for parameters; wait until the vehicle has reported them all, or for `_ANSWER_S`."""
         vehicle, until_s = self._vehicle, self._vehicle.now_s + _ANSWER_S
         for name in names:
             vehicle.parameters.pop(name, None)
@@ -238,7 +238,7 @@ class Preparation:
             self._keep_alive = self._stand
 
     def _until(self, reached: Callable[[], bool], what: str, ask: Callable[[], None] | None = None) -> Iterator[str]:
-        """Ask, now and then, until something is so."""
+        """Ask at intervals until a condition is met."""
         self._asked_s = -math.inf
         while not reached():
             if ask is not None and self._due():
@@ -259,7 +259,7 @@ class Preparation:
             raise RobotUnavailable(f"{duplicate}; end one of them, or give it a system id of its own")
 
     def _granted(self, name: str, message_id: int) -> Generator[str, None, float]:
-        """Ask for a message at a high rate, for less where that is denied; return the rate."""
+        """Ask for a message at a high rate, at lower rates if that is denied; return the granted rate."""
         vehicle, least_hz = self._vehicle, self._config.samples_hz
         hz = max(_ASKED_HZ, least_hz)
         while True:
@@ -279,7 +279,7 @@ class Preparation:
                 hz = max(hz * _SLOWER, least_hz)
 
     def _flows(self, name: str, hz: float) -> Iterator[str]:
-        """Wait until a message comes about as often as was granted: there are vehicles that accept and do nothing."""
+        """Wait until a message comes at about the granted rate: some vehicles accept a request and do nothing."""
         inbox = self._vehicle.inbox
         while True:
             begun, began = inbox.latest.get(name), inbox.counts.get(name, 0)
@@ -316,7 +316,7 @@ class Preparation:
             self._authority.name(self._named, vehicle_s)
 
     def _ask_for_gate(self) -> None:
-        # Vehicles with a gate know the parameter and the message, others do not mind.
+        # Vehicles with a gate know the parameter and the message; others ignore both.
         self._vehicle.set_parameter(KEEPER, LEASE_PARAMETER, self._lease_ms)
         self._vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_NAMED_VALUE_INT, _REPORT_HZ)
         self._name()
@@ -325,7 +325,7 @@ class Preparation:
         supported = self._authority.supported(self._since_s)
         if supported:
             self.gated = True
-            # Taking off is motion on a lease like any other.
+            # Taking off needs a lease like any other motion.
             self._keep_alive = self._name
             lease_ms = self._vehicle.parameters.get(LEASE_PARAMETER)
             return self._authority.reported() == KEEPER and lease_ms == self._lease_ms
@@ -345,7 +345,7 @@ class Preparation:
         self._setpoints.stand(Controller.SC)
 
     def _climb(self) -> None:
-        """Tell it to be above where it is: that is how PX4 takes off in OFFBOARD, where it refuses the command."""
+        """Send a target above the vehicle: that is how PX4 takes off in OFFBOARD, where it refuses the command."""
         position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._since_s)
         if position is not None:
             self._setpoints.go_ned(Controller.SC, position.x, position.y, -self._config.height_m)
@@ -360,7 +360,7 @@ class Preparation:
         if position is None or attitude is None:
             return False
         speed_m_s = math.hypot(position.vx, position.vy, position.vz)
-        # What it shows at rest is the noise of its estimate; who promises less of that than there is waits for ever.
+        # At rest the vehicle reports its estimate's noise; if that exceeds the promised noise, this waits for ever.
         rest_m_s = self._promised.speed_noise_m_s or 0.0
         self._moves = (
             f"it shows {speed_m_s:.3f} m/s and {attitude.yawspeed:.3f} rad/s, allowed at rest: "

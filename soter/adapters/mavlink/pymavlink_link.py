@@ -1,4 +1,4 @@
-"""MAVLink 2 by pymavlink: one thread receives and decodes, the caller's sends."""
+"""MAVLink 2 by pymavlink: one thread receives and decodes; sending is done in the caller's thread."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from soter.clock import Clock
 logger = logging.getLogger(__name__)
 
 SILENT_S: Final = 2.0
-"""A vehicle that was not heard for so long may speak from another address, as one does that was started anew."""
+"""A vehicle silent for this time may come back from another address, as it does after a restart."""
 
 _WAIT_S: Final = 0.05
 _CLOSE_S: Final = 2.0
@@ -33,7 +33,7 @@ _HEARTBEAT: Final[Fields] = {
     "mavlink_version": 3,
 }
 
-# Bytes of a frame of MAVLink 1 and 2 beside its payload, and of a signature.
+# Bytes of a MAVLink 1 and 2 frame besides the payload, and of a signature.
 _MAVLINK_1: Final = 0xFE
 _MAVLINK_2: Final = 0xFD
 _EXTRA_1: Final = 8
@@ -47,7 +47,7 @@ _SIGNING_PER_S: Final = 100_000
 
 
 def signing_key(passphrase: str) -> bytes:
-    """Return the key that a passphrase stands for, as ground stations make it."""
+    """Return the key derived from a passphrase in the way of ground stations."""
     return hashlib.sha256(passphrase.encode()).digest()
 
 
@@ -55,11 +55,11 @@ class PymavlinkLink(MavlinkLink):
     """A link whose messages pymavlink packs and parses.
 
     Args:
-        clock: tells when a message was received.
-        address: where the vehicles are.
+        clock: gives the times at which messages are received.
+        address: of the vehicles.
         system: our system id.
         components: our component ids; the first of them sends heartbeats.
-        key: of 32 bytes: everything is signed, and what is not signed with it is dropped. None: nothing is signed.
+        key: 32 bytes that sign everything sent; messages not signed with them are dropped. None: nothing is signed.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class PymavlinkLink(MavlinkLink):
                 inbox.put(name, message, received_s)
 
     def _agreed(self, system: int, peer: Peer, received_s: float) -> bool:
-        """Return whether a vehicle speaks from where it is; the first place counts until it has fallen silent there."""
+        """Return whether a message is from the vehicle's address: the first one heard, until that has fallen silent."""
         agreed = self._peers.get(system)
         if agreed is not None and agreed[0] != peer and received_s - agreed[1] < SILENT_S:
             before = self.duplicates.get(system)
@@ -146,12 +146,12 @@ class PymavlinkLink(MavlinkLink):
         try:
             return parser.parse_buffer(data) or ()
         finally:
-            # It keeps all that it has read until a message ends where a packet does, which need never be.
+            # The parser keeps its input until a message ends where a packet ends, which may never happen.
             del parser.buf[: parser.buf_index]
             parser.buf_index = 0
 
     def _frames(self, datagram: bytes) -> Iterator[Any]:
-        """Yield the messages of a datagram. It has whole frames, so that nothing has to be looked for or kept."""
+        """Yield the messages of a datagram. It holds whole frames: no search for a start, and nothing to keep."""
         decode, begin, size = self._parser.decode, 0, len(datagram)
         while size - begin > _SHORTEST_FRAME:
             magic, length = datagram[begin], datagram[begin + 1]
@@ -172,7 +172,7 @@ def _place(peer: Peer) -> str:
 
 
 class _Codec(mav.MAVLink):
-    """Packs and parses, and takes the time of no signature that is not right: who forges one would deafen us."""
+    """Packs and parses; ignores the time of a wrong signature: a forged one would make all later messages too old."""
 
     def check_signature(self, frame: bytearray, system: int, component: int) -> bool:
         """Return whether a frame was signed with our key, later than the one before."""

@@ -1,10 +1,10 @@
-"""One vehicle behind the narrow interface, whichever library its link uses.
+"""One MAVLink vehicle behind the narrow interface, with any link.
 
-Where the vehicle knows who is in charge and has a lease of its own, it is told of both at every tick. Where it does
-not, this adapter stands in: it lets only the controller in charge send, overwrites the target at a change, and never
-sends a target that is further away than the lease covers. Heartbeats, targets and renewals are sent by `_renew_lease`
-and by no thread or timer, so that a vehicle whose supervisor has stopped hears nothing more. `_sample`, which the
-supervisor calls at every tick, makes a vehicle ready again.
+A vehicle with a gate and a lease is told the active controller, and its lease is renewed, at every tick. For one
+without, this adapter stands in: it lets only the active controller send, overwrites the target at a switch, and never
+sends a target further away than the lease covers. Heartbeats, targets and renewals are sent by `_renew_lease` and by no
+thread or timer, so that a vehicle whose supervisor has stopped hears nothing more. `_sample`, which the supervisor
+calls at every tick, makes a vehicle ready again.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ class MavlinkRobot(Robot):
     """One vehicle.
 
     Args:
-        spec: which; its id is the vehicle's system id.
+        spec: the robot; its id is the vehicle's system id.
         clock: follows the vehicles' clocks.
-        link: over which it is reached.
-        config: of the backend.
-        fleet: all robots on the link; while one is waited for, the others get as ready as they can without being armed.
+        link: the connection to the vehicle.
+        config: the backend's options.
+        fleet: all robots on the link; while one gets ready, the others get as ready as they can without being armed.
     """
 
     declared: ClassVar[Capabilities] = simulated("rover")
@@ -103,12 +103,12 @@ class MavlinkRobot(Robot):
                     f"robot {self.id}: it did not get ready within {timeout_s:g} s; it lacks "
                     f"{lacks or self._preparation.why_not()}"
                 )
-            # The robots that are ready wait for this one, and would take it for the end of their ground station.
+            # Robots that are ready already wait for this one, and without heartbeats would think their station gone.
             self._beat(self._vehicle.link.inboxes)
             for robot in self._fleet or (self,):
                 robot._ask_for_time()
                 if robot is not self and not robot.initialised:
-                    # What is wrong with it is said when it is its turn.
+                    # Its trouble is reported when its own turn comes.
                     with suppress(RobotUnavailable):
                         robot._prepared()
             self.clock.sleep_until(self.clock.now() + _LOOK_S)
@@ -118,8 +118,8 @@ class MavlinkRobot(Robot):
         found = self.declared
         if not self._gated:
             reverses = found.reverses and (self._sampler.flies or self._vehicle.kind == ARDUROVER)
-            # It does pivot first. But its last target outlives the lease, and it ends the turn to it: no farther from
-            # its place than the lease allows, but later.
+            # Without a gate it pivots first, too. But its last target outlives the lease, so it still ends its turn: no
+            # farther from its place than the lease allows, but later.
             found = replace(found, reports_controller=False, reverses=reverses, pivots_first=False)
         return found if sample.battery is not None else replace(found, reports_battery=False)
 
@@ -138,8 +138,8 @@ class MavlinkRobot(Robot):
             self._send_target(at)
 
     def _sample(self) -> RobotState | None:
-        # Here, and not with the lease: who has been away is not driven on before it is known when it says what it says,
-        # and that it is ready.
+        # Here, and not with the lease: a robot that has been away is not driven on before its clock is known and it is
+        # ready.
         self._ask_for_time()
         try:
             if self._prepared():
@@ -152,7 +152,7 @@ class MavlinkRobot(Robot):
         obedience = self._obedience
         if self._preparation.ready:
             obedience.look()
-        # A place that its own EKF does not believe is none. What is known of the robot gets old instead.
+        # A position that the EKF itself does not trust is not used: the latest sample ages instead.
         return self._sampler.latest if obedience.astray else self._sampler.sample()
 
     def _hand_over(self, to: Controller) -> None:
@@ -160,7 +160,7 @@ class MavlinkRobot(Robot):
             self._leg = None
         self._charge = to
         if self._gated:
-            # Naming another drops the target on the vehicle. The lease stays as it was: only a renewal renews it.
+            # Naming another component drops the target on the vehicle. The lease stays: only `_renew_lease` renews it.
             self._name()
         elif self._leg is None:
             self._setpoints.stand(to)
@@ -189,7 +189,7 @@ class MavlinkRobot(Robot):
             return
         kind, sample = vehicle.kind, self._known()
         if self._preparation.ready and vehicle.mode not in (kind.guided, kind.stop):
-            # It is its pilot's, or on its own way home.
+            # A pilot has taken it, or its fail-safe drives it home.
             return
         if not vehicle.armed:
             vehicle.set_mode(KEEPER, kind.stop)
@@ -207,11 +207,11 @@ class MavlinkRobot(Robot):
             self._repeat(lambda: vehicle.set_mode(KEEPER, land), lambda: vehicle.mode == land, _LOST_S)
 
     def _prepared(self) -> bool:
-        """Return whether the vehicle takes targets; if it does not, go on making it.
+        """Return whether the vehicle takes targets; if not, take the next step of making it ready.
 
-        It is made ready again after a reboot, after a silence, in which its own fail-safe may have acted, and after a
-        fail-safe whose cause is gone. A mode that changes for no such reason is somebody's will, such as a pilot's, and
-        is left alone. So is a vehicle whose EKF begins anew somewhere else, until its origin is known.
+        It is made ready again after a reboot, after a silence, in which its own fail-safe may have acted, after a
+        fail-safe whose cause is gone, and when the origin of its EKF has changed. A mode that changes for no such
+        reason was changed by a person, such as a pilot, and is left alone.
         """
         preparation, heard, reboots = self._preparation, self._vehicle.heartbeat is not None, self._time_sync.reboots
         anew = heard and (self._lost or self._obedience.may_be_taken_back or preparation.moved)
@@ -230,16 +230,16 @@ class MavlinkRobot(Robot):
 
     @property
     def _reverses(self) -> bool:
-        """Whether it is a rover without a gate that is told which way to drive."""
+        """Whether this is a rover without a gate that is told to drive forwards or backwards."""
         return not self._gated and self._vehicle.kind == ARDUROVER and self.declared.reverses
 
     def _timed(self) -> bool:
-        """Return whether its clock is known so well that what it says is not of the future, which nobody believes."""
+        """Return whether the vehicle's clock is known well enough: samples from the future would be refused."""
         sample = self._known()
         return sample is None or sample.stamp_s <= self.clock.now() + FUTURE_S
 
     def _adopt(self) -> None:
-        """Take over what was found out about the vehicle."""
+        """Adopt the preparation's findings: frame, kind and gate."""
         preparation, kind = self._preparation, self._vehicle.kind
         assert preparation.origin is not None
         plane_m = self._config.height_m if kind.flies else 0.0
@@ -251,11 +251,11 @@ class MavlinkRobot(Robot):
         self._obedience.begin(preparation.origin, gated=self._gated)
         logger.info(
             "robot %d: a %s is ready; %s", self.id, kind.name,
-            "it enforces who is in charge" if self._gated else "its autopilot has no gate, the adapter stands in",
+            "it has a gate of its own" if self._gated else "its autopilot has no gate, the adapter stands in",
         )  # fmt: skip
 
     def _beat(self, systems: Iterable[int]) -> None:
-        """Send heartbeats, now and then. Called with the lease, and while nothing may move yet."""
+        """Send heartbeats if they are due. Called with the lease, and while no robot may move yet."""
         now_s = self.clock.steady_s()
         if now_s - self._beaten_s >= _BEAT_S:
             self._beaten_s = now_s
@@ -271,13 +271,13 @@ class MavlinkRobot(Robot):
     # --- what it is told -----------------------------------------------------------------------------------
 
     def _name(self) -> None:
-        """Tell the vehicle who is in charge, and when the lease was renewed last."""
+        """Tell the vehicle the active controller, and when the lease was renewed last."""
         renewed_s = self._time_sync.to_vehicle_s(self._renewed_s)
         if renewed_s is not None:
             self._authority.name(SENDERS[self._charge], renewed_s)
 
     def _send_target(self, at: RobotState | None) -> None:
-        """Send where to go, or to stand, in the name of the controller in charge."""
+        """Send a target, or a command to stand, as the active controller."""
         leg = self._leg
         if leg is None or at is None:
             self._setpoints.stand(self._charge)
@@ -288,7 +288,7 @@ class MavlinkRobot(Robot):
             return
         promised, now_s = self.declared, self.clock.now()
         left_s = promised.lease_s - (now_s - self._renewed_s)
-        # Where samples wait on the link targets may wait as well, and arrive when nobody stands behind them any more.
+        # If samples wait on the link targets may wait as well, and arrive when they are no longer valid.
         late = now_s - at.stamp_s > promised.sample_age_s + promised.jitter_s + promised.lease_s
         ended = not self._sampler.flies and leg.ended(at, promised.position_noise_m)
         if left_s <= 0.0 or late or ended:
@@ -296,7 +296,7 @@ class MavlinkRobot(Robot):
             return
         self._setpoints.cap_speed(target.speed_m_s)
         if not self._sampler.flies:
-            # It acts on a target half a period late on average, and brakes harder and later than it promises.
+            # A rover acts on a target half a period late on average, and brakes harder and later than it promises.
             left_s = max(left_s - 0.5 * promised.setpoint_period_s, 0.0)
         ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
         if self._reverses:
@@ -305,7 +305,7 @@ class MavlinkRobot(Robot):
         self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
 
     def _reported(self) -> Controller | None:
-        """Return who is in charge, as the vehicle says; None while somebody else has taken it out of GUIDED."""
+        """Return the active controller that the vehicle reports; None while the vehicle is not in its guided mode."""
         if not self._gated or self._vehicle.mode != self._vehicle.kind.guided:
             return None
         component = self._authority.reported()
@@ -326,7 +326,7 @@ class MavlinkRobot(Robot):
         )
 
     def _repeat(self, ask: Callable[[], None], reached: Callable[[], bool], timeout_s: float) -> None:
-        """Ask again and again until something is so, or the time is up."""
+        """Ask at intervals until a condition is met, or the time is up."""
         until_s, asked_s = self.clock.steady_s() + timeout_s, -math.inf
         while not reached() and self.clock.steady_s() < until_s:
             if self.clock.steady_s() - asked_s >= _REPEAT_S:

@@ -1,6 +1,6 @@
-"""Samples from messages: position and attitude that were measured at one moment, in the workspace frame.
+"""Makes samples from messages: position and attitude at one moment, in the workspace frame.
 
-What a vehicle's clock shows is measured by TIMESYNC, or where it does not answer learned from its samples.
+A vehicle's clock is measured by TIMESYNC, or estimated from its samples if it does not answer.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _APART_S: Final = 2.0
 _DEAF_REQUESTS: Final = 10
 _SETTLED: Final = 5
 
-# No vehicle boots so often in such a time.
+# No vehicle boots `_OFTEN` times in `_OFTEN_S`.
 _OFTEN: Final = 4
 _OFTEN_S: Final = 10.0
 
@@ -37,15 +37,15 @@ _OFTEN_S: Final = 10.0
 class TimeSync:
     """The clock of one vehicle.
 
-    A request carries the time at which it was sent and the answer the vehicle's time in between, so that the offset of
-    the two clocks is known within half of the round trip, whatever the speed-up. Only quick answers are believed. A
-    vehicle whose clock is not where it must be by that has rebooted, or its clock stood still.
+    A request carries the time at which it was sent, and the answer the vehicle's time in between, so that the offset of
+    the two clocks is known within half of the round trip at any speed-up. Only quick answers are used. If a clock shows
+    less than it must by then, the vehicle has rebooted or the clock stood still.
 
-    The receiving thread calls the hooks, the supervisor's everything else.
+    The receiving thread calls the hooks, the supervisor's thread everything else.
 
     Attributes:
-        two: its clock goes to and fro: two vehicles say to be it, on a line that does not tell them apart.
-        reboots: how often the vehicle's clock went back, or stood still for so long that it may have been started anew.
+        two: whether the clock jumps to and fro: two vehicles share the id, on a line that does not tell them apart.
+        reboots: how often the vehicle's clock went back, or stood still for so long that it may have rebooted.
     """
 
     def __init__(self, robot_id: int, clock: VehicleClock, inbox: Inbox) -> None:
@@ -61,7 +61,7 @@ class TimeSync:
         self.reboots = 0
         self.two = False
         inbox.hooks["TIMESYNC"] = self._hear
-        # Attitudes come long before positions: the clock is known when the first position comes.
+        # Attitudes come long before positions, so that the clock is known when the first position comes.
         inbox.hooks["ATTITUDE"] = inbox.hooks["LOCAL_POSITION_NED"] = self._hear_sample
 
     @property
@@ -77,7 +77,7 @@ class TimeSync:
             return None
 
     def to_vehicle_s(self, fleet_s: float) -> float | None:
-        """Return what the vehicle's clock shows at a fleet time; None while it is not known."""
+        """Return the vehicle's time at a fleet time; None while its clock is not known."""
         try:
             return self._clock.to_vehicle_s(self._robot_id, fleet_s)
         except LookupError:
@@ -87,7 +87,7 @@ class TimeSync:
         """Return the fields of the next TIMESYNC to send."""
         self._asked += 1
         sent_ns = int(self._clock.steady_s() * 1e9)
-        # The last digits say that it is ours: some microseconds too early do not matter, too late would be no answer.
+        # The last digits are our token. A time some microseconds early does not matter; a late one would be refused.
         return {"tc1": 0, "ts1": sent_ns - sent_ns % _TOKEN - _TOKEN + self._token}
 
     # --- the receiving thread ------------------------------------------------------------------------------
@@ -98,14 +98,14 @@ class TimeSync:
         trip_s = received_s - message.ts1 * 1e-9
         stamp_s = message.tc1 * 1e-9
         if trip_s < 0.0 or abs(stamp_s - self._newest_stamp_s) > _APART_S:
-            # Not an answer, or on another clock than that of the samples.
+            # Not an answer, or on another clock than the samples.
             return
         self._answered += 1
         self._trips_s.append(trip_s)
         if trip_s > _QUICK * min(self._trips_s) + _QUICK_S:
             return
-        # A first answer may be a slow one. Taken as if all of that was on its way back, it makes samples look too old
-        # by a little until the next one comes, and never too young.
+        # A first answer may be a slow one. With its whole round trip counted as the way back, samples look a little too
+        # old until the next answer comes, and never too young.
         first = self._stood_still(stamp_s, received_s, trip_s) or not self._believed
         self._clock.observe(self._robot_id, stamp_s, received_s, trip_s if first else 0.5 * trip_s)
         self._believed += 1
@@ -122,7 +122,7 @@ class TimeSync:
             self._believed += 1
 
     def _stood_still(self, stamp_s: float, received_s: float, trip_s: float) -> bool:
-        """Return whether the clock is behind what it must show by now; what was known of it is then forgotten."""
+        """Return whether the clock is behind its expected time; if so, forget its offset."""
         expected_s = self.to_vehicle_s(self._clock.now() - (self._clock.steady_s() - received_s) * self._clock.rate)
         if expected_s is None:
             return False
@@ -131,7 +131,7 @@ class TimeSync:
             return False
         logger.info("robot %d: its clock has stood still for %.3f s", self._robot_id, behind_s)
         self._clock.forget(self._robot_id)
-        # Whoever was away for so long may have been started anew, which stamps alone do not show if it was young.
+        # A vehicle that was away for so long may have rebooted; stamps do not show this if it had booted just before.
         self.reboots += behind_s > _REBOOT_S
         return True
 
@@ -154,20 +154,21 @@ class TimeSync:
 
 _UNKNOWN_V: Final = 0xFFFF * 1e-3
 _TRUSTED: Final = 0.02
-"""A reading that is further below than this is believed at once: the battery falls faster than it should."""
+"""A reading lower by more than this is taken at once: the battery falls faster than it should."""
 
 
 class ChargeFilter:
-    """Follows one battery by what autopilots say of it: whole percents, or nothing, or a voltage.
+    """Estimates the charge of one battery by the autopilot's reports: whole percents, a voltage, or nothing.
 
-    A percentage that is rounded down jumps by one from time to time. What is returned falls to it no faster than the
-    battery can, so that it is never more than the true charge and has no jumps: decision modules take a jump for a
+    A percentage that is rounded down jumps by one from time to time. The estimate falls to it no faster than the
+    battery can, so that it never exceeds the true charge and has no jumps, which decision modules would take for a
     battery that breaks its promise.
+
 
     Args:
         drive_s: time from full to empty at driving power.
-        empty_v: voltage at which it is empty, for autopilots that do not count; None where that is not known.
-        full_v: voltage at which it is full.
+        empty_v: voltage of the empty battery, for autopilots that do not count the charge; None if not known.
+        full_v: voltage of the full battery.
     """
 
     def __init__(self, drive_s: float, empty_v: float | None = None, full_v: float | None = None) -> None:
@@ -178,7 +179,7 @@ class ChargeFilter:
         self._stamp_s = -math.inf
 
     def read(self, sys_status: Any, stamp_s: float) -> float | None:
-        """Return the charge from 0 to 1 at some time; None where it is not known.
+        """Return the charge from 0 to 1; None if it is not known.
 
         Args:
             sys_status: the latest SYS_STATUS, or None.
@@ -203,22 +204,22 @@ class ChargeFilter:
 
 
 class Sampler:
-    """Makes samples of what one vehicle has said last. Conversions happen when they are read, not when it is heard.
+    """Makes samples of one vehicle's latest messages, converting them when a sample is read.
 
-    LOCAL_POSITION_NED and ATTITUDE are measured at times of their own. A sample is of the older of the two; what is
-    newer is moved back to then by its rate.
+    LOCAL_POSITION_NED and ATTITUDE are measured at different times. A sample has the time of the older message; the
+    newer one is moved back to that time by its rate.
 
     Args:
-        robot_id: whose.
-        inbox: what it has said.
-        time_sync: its clock.
-        charge: its battery.
-        who: returns the controller that the vehicle reports in charge, or None.
+        robot_id: the robot's id.
+        inbox: the vehicle's messages.
+        time_sync: the vehicle's clock.
+        charge: the vehicle's battery.
+        who: returns the active controller that the vehicle reports, or None.
 
     Attributes:
-        frame: where its EKF has its origin; None until that is known.
-        latest: the newest sample that was made.
-        flies: whether its height is reported; what stands on the ground has height 0, whatever a barometer says.
+        frame: the vehicle's frame; None until the origin of its EKF is known.
+        latest: the newest sample.
+        flies: whether height is reported; on the ground it is 0, whatever a barometer says.
     """
 
     def __init__(
@@ -240,7 +241,7 @@ class Sampler:
         self.flies = False
 
     def sample(self) -> RobotState | None:
-        """Return the newest sample; the same object while nothing new was heard."""
+        """Return the newest sample; the same object until a new message is heard."""
         latest = self._inbox.latest
         position, attitude, frame = latest.get("LOCAL_POSITION_NED"), latest.get("ATTITUDE"), self.frame
         if position is None or attitude is None or frame is None:
@@ -262,13 +263,13 @@ class Sampler:
         stamp_s = stamp_ms * 1e-3
         before = self.latest
         if before is not None and before.vehicle_stamp_s == stamp_s:
-            # One of the two messages is new. There is nothing to learn of another moment before both are.
+            # Only one of the two messages is new: a sample of a later moment needs both.
             return before if before.controller is controller else before._replace(controller=controller)
         fleet_s = self._time_sync.to_fleet_s(stamp_s)
         if fleet_s is None:
             return None
         if before is not None and stamp_s > before.vehicle_stamp_s:
-            # The clock was learned better, and by more than has passed between two samples. The newer one counts.
+            # The clock was corrected by more than the time between two samples: fleet time must not go back.
             fleet_s = max(fleet_s, before.stamp_s)
         back_s = (position.time_boot_ms - stamp_ms) * 1e-3
         x_m, y_m, z_m = frame.from_ned(position.x, position.y, position.z)

@@ -1,4 +1,4 @@
-"""Targets on the wire: SET_POSITION_TARGET_LOCAL_NED in the name of the controller in charge."""
+"""Sends targets: SET_POSITION_TARGET_LOCAL_NED from the component of the active controller."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from soter.adapters.mavlink.link import AUTOPILOT
 from soter.adapters.mavlink.vehicle import Vehicle
 from soter.sdk import Controller, RobotState, Waypoint
 
-# What of the message is to be ignored, as bits.
+# Bits of the fields that the vehicle is to ignore.
 _ONLY_POSITION: Final = 0x0DF8
 _STANDING: Final = 0x05C7
 _VELOCITY: Final = 0x0038
@@ -24,13 +24,13 @@ _NOTHING: Final = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", 
 
 
 _KEPT: Final = 64
-"""Places that were sent last, by which those of others are told from ours: those of a second or more."""
+"""How many sent places are kept, to tell others' targets from ours: those of a second or more."""
 
 _SWINGS: Final = 0.08
-"""How far an autopilot without a clamp swings beyond the speed that it is asked for, as part of its top speed."""
+"""How far an autopilot without a clamp overshoots the requested speed, as a part of its top speed."""
 
 _SLOWEST_M_S: Final = 0.05
-"""ArduRover refuses to go slower, and then goes on as fast as it was told before."""
+"""ArduRover refuses a lower speed, and then goes on at the speed that it was sent before."""
 
 
 class Setpoints:
@@ -44,32 +44,32 @@ class Setpoints:
         self.frame: Frame | EarthFrame = Frame()
 
     def begin(self, frame: Frame | EarthFrame) -> None:
-        """Begin anew with a vehicle that was made ready: it may have forgotten how fast it is to go, and which way."""
+        """Begin anew with a vehicle that was made ready: it may have forgotten its speed limit and direction."""
         self.frame = frame
         self._told.clear()
 
     def stand(self, by: Controller) -> None:
-        """Tell the vehicle to stop and stay: a velocity of nothing, which every autopilot takes at once.
+        """Tell the vehicle to stop and stay, by a velocity of zero, which every autopilot obeys at once.
 
-        Without a yaw rate of nothing beside it, ArduRover takes the direction of that velocity for a heading, and
-        pivots to the north.
+        Without a yaw rate of zero beside it, ArduRover takes the direction of that velocity for a heading, and pivots
+        to the north.
         """
         self._send(by, _STANDING)
 
     def go(self, by: Controller, target: Waypoint, at: RobotState | None) -> None:
-        """Tell a vehicle that heeds them all where to go, how fast at most, and with which heading to arrive.
+        """Send a target with its speed limit and heading to a vehicle that heeds all three.
 
         Args:
-            by: the controller in charge.
-            target: where to.
-            at: where it is; None where that is not known, and then it goes as fast as it likes.
+            by: the active controller.
+            target: the place, and speed and heading if they matter.
+            at: where the vehicle is; None if not known, and then no speed limit is sent.
         """
         mask, more = _ONLY_POSITION, {}
         if target.heading_rad is not None:
             mask &= ~_YAW
             more["yaw"] = self.frame.to_yaw_rad((target.x_m, target.y_m), target.heading_rad)
         if target.speed_m_s is not None and at is not None:
-            # Beside a position, the length of a velocity caps the speed; its direction, that of the way, says nothing.
+            # Beside a position, the length of a velocity caps the speed; its direction has no meaning.
             cap_m_s = min(target.speed_m_s, self._v_max_m_s)
             course_rad = math.atan2(target.x_m - at.x_m, target.y_m - at.y_m)
             mask &= ~_VELOCITY
@@ -77,7 +77,7 @@ class Setpoints:
         self._send(by, mask, self._place(target.x_m, target.y_m, target.z_m) | more)
 
     def go_plainly(self, by: Controller, x_m: float, y_m: float, z_m: float, heading_rad: float | None = None) -> None:
-        """Tell any vehicle where to go; ground vehicles ignore a heading."""
+        """Send a target to any vehicle; ground vehicles ignore a heading."""
         mask, more = _ONLY_POSITION, {}
         if heading_rad is not None:
             mask &= ~_YAW
@@ -85,24 +85,24 @@ class Setpoints:
         self._send(by, mask, self._place(x_m, y_m, z_m) | more)
 
     def go_ned(self, by: Controller, north_m: float, east_m: float, down_m: float) -> None:
-        """Tell any vehicle where to go, seen from the origin of its EKF."""
+        """Send a target to any vehicle, in metres from the origin of its EKF."""
         self._send(by, _ONLY_POSITION, {"x": north_m, "y": east_m, "z": down_m})
 
     def cap_speed(self, speed_m_s: float | None) -> None:
-        """Tell any vehicle how fast to go at most, until told otherwise; None: as fast as it may."""
+        """Limit any vehicle's speed until the next call; None stands for its top speed."""
         most_m_s = self._v_max_m_s if speed_m_s is None else min(speed_m_s, self._v_max_m_s)
         asked_m_s = max(most_m_s - _SWINGS * self._v_max_m_s, 0.5 * most_m_s, _SLOWEST_M_S)
-        self._insist(mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, asked_m_s, -1.0)
+        self._resend(mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, asked_m_s, -1.0)
 
     def drive_backwards(self, backwards: bool) -> None:
-        """Tell a rover to drive to places backwards, or forwards, until told otherwise.
+        """Tell a rover to drive to places backwards, or forwards, until the next call.
 
-        Where this is lost the rover turns round before it drives: to the same place, on the same way.
+        If this command is lost the rover turns round first, and drives to the same place on the same path.
         """
-        self._insist(mav.MAV_CMD_DO_SET_REVERSE, float(backwards))
+        self._resend(mav.MAV_CMD_DO_SET_REVERSE, float(backwards))
 
-    def _insist(self, command: int, *params: float) -> None:
-        """Send a command until it is accepted, and anew when it says something else."""
+    def _resend(self, command: int, *params: float) -> None:
+        """Send a command at every call until it is accepted; new parameters begin anew."""
         vehicle = self._vehicle
         told, since_s = self._told.get(command, ((), 0.0))
         if told != params:
@@ -113,7 +113,7 @@ class Setpoints:
             vehicle.command(KEEPER, command, *params)
 
     def off_m(self, north_m: float, east_m: float) -> float:
-        """Return how far a place, seen from the origin of its EKF, is from the nearest of those that were sent last."""
+        """Return the distance of a place, in metres from the EKF's origin, to the nearest of the places sent last."""
         return min((math.dist((north_m, east_m), each) for each in self._sent), default=math.inf)
 
     def _place(self, x_m: float, y_m: float, z_m: float) -> dict[str, float]:
@@ -125,6 +125,6 @@ class Setpoints:
         self._vehicle.send(SENDERS[by], "SET_POSITION_TARGET_LOCAL_NED", {
             "time_boot_ms": 0, "target_system": self._vehicle.system, "target_component": AUTOPILOT,
             "coordinate_frame": mav.MAV_FRAME_LOCAL_NED, "type_mask": mask, **_NOTHING,
-            # A waypoint may be of any kind of number, a message is of these only.
+            # A waypoint may hold numbers of any class, a message only floats.
             **{name: float(value) for name, value in (values or {}).items()},
         })  # fmt: skip

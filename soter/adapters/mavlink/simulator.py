@@ -1,4 +1,4 @@
-"""Starts simulated vehicles as a process of their own, and ends them."""
+"""Starts and ends a process with simulated vehicles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from soter.sdk.program import Program
 
 
 def free_port() -> int:
-    """Return a UDP port of this host that nobody uses at the moment."""
+    """Return a UDP port of this host that is free at the moment."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

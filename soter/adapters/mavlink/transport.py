@@ -1,6 +1,6 @@
-"""Bytes to and from vehicles, over UDP, TCP or a serial line. A bad link neither blocks nor raises.
+"""Sends and receives bytes over UDP, TCP or a serial line. A bad link neither blocks nor raises.
 
-A message is sent whole or not at all: one that does not fit is dropped, because the next one says it all again.
+A message is sent whole or dropped: the next message replaces it anyway.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _FORMS: Final = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVI
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where vehicles are reached, such as `udpin:127.0.0.1:14550`, `tcp:HOST:PORT` or `serial:/dev/ttyACM0:57600`.
+    """The address of vehicles, such as `udpin:127.0.0.1:14550`, `tcp:HOST:PORT` or `serial:/dev/ttyACM0:57600`.
 
     Attributes:
         kind: "udpin" (they send to us), "udpout" (we send to them first), "tcp" (they listen) or "serial".
@@ -41,10 +41,10 @@ class Address:
 
     @staticmethod
     def parse(text: str) -> Address:
-        """Read a connection string; `udpin://HOST:PORT`, as MAVSDK writes it, means the same.
+        """Return the address of a connection string; MAVSDK's form, `udpin://HOST:PORT`, is read as well.
 
         Raises:
-            ValueError: it is none; the message says what is allowed.
+            ValueError: the text is no connection string; the message says what is allowed.
         """
         kind, _, rest = text.partition(":")
         host, _, number = rest.removeprefix("//").rpartition(":")
@@ -58,7 +58,7 @@ class Address:
 
     @property
     def is_local(self) -> bool:
-        """Whether nobody but this host, or who holds the cable, can send on it."""
+        """Whether only this host, or the other end of a cable, can send on this connection."""
         if self.kind == "serial" or self.host == "localhost":
             return True
         try:
@@ -71,7 +71,7 @@ class Address:
 
     @property
     def mavsdk_url(self) -> str:
-        """The same for MAVSDK."""
+        """The address as MAVSDK writes it."""
         kind = "tcpout" if self.kind == "tcp" else self.kind
         return f"{kind}://{self.host}:{self.port}"
 
@@ -79,7 +79,7 @@ class Address:
 logger = logging.getLogger(__name__)
 
 Peer = tuple[str, int] | None
-"""Who sent a datagram; None on a stream, which has one other end only."""
+"""The sender of a datagram; None on a stream, which has only one other end."""
 
 _LARGEST: Final = 65536
 _BUFFER_BYTES: Final = 1 << 20
@@ -92,7 +92,7 @@ class Transport(ABC):
 
     @abstractmethod
     def receive(self, wait_s: float) -> list[tuple[bytes, Peer]]:
-        """Return what has arrived, after waiting for at most so long; nothing while there is no link."""
+        """Wait at most `wait_s`, and return the data that has arrived; empty while there is no link."""
 
     @abstractmethod
     def send(self, packet: bytes, peer: Peer) -> None:
@@ -100,14 +100,14 @@ class Transport(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Free it. Idempotent."""
+        """Close the socket or line. Idempotent."""
 
 
 def open_transport(address: Address) -> Transport:
-    """Open what a connection string names.
+    """Open the transport of an address.
 
     Raises:
-        RobotUnavailable: it cannot be opened; a TCP server that is not there yet is waited for instead.
+        RobotUnavailable: the address cannot be opened; a missing TCP server is no error, but tried again.
     """
     if address.kind in ("udpin", "udpout"):
         return UdpTransport(address)
@@ -115,7 +115,7 @@ def open_transport(address: Address) -> Transport:
 
 
 class UdpTransport(Transport):
-    """Datagrams: bound to an address that vehicles send to, or sent to one that they listen on."""
+    """Datagrams on a socket that vehicles send to, or to an address on which they listen."""
 
     def __init__(self, address: Address) -> None:
         self._remote: Peer = None
@@ -146,7 +146,7 @@ class UdpTransport(Transport):
             except BlockingIOError:
                 break
             except OSError as failure:
-                # A port on which nobody listens any more answers with an error. Who comes back is heard again.
+                # A port without a listener answers with an error. A vehicle that comes back is heard again.
                 logger.debug("not received: %s", failure)
         return arrived
 
@@ -217,7 +217,7 @@ class _Line:
         self._descriptor: Final = descriptor
         self._pending = b""
         self._broken = False
-        # A descriptor that is closed while somebody writes to it may by then be another's.
+        # A descriptor that is closed during a write may by then belong to another file.
         self._lock: Final = threading.Lock()
         os.set_blocking(descriptor, False)
 

@@ -1,4 +1,4 @@
-"""One vehicle on a link: what is known of it, and commands with their answers."""
+"""One vehicle on a link: its latest reports, and commands with their answers."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ def px4_mode(main: int, sub: int = 0) -> int:
 
 @dataclass(frozen=True, slots=True)
 class VehicleKind:
-    """A kind of vehicle, as far as commanding it goes.
+    """A kind of vehicle, with its modes.
 
-    The same number is the mode HOLD on one and GUIDED on another, and PX4 packs two numbers into one.
+    One number means different modes on different kinds, and PX4 packs two numbers into one.
 
     Attributes:
-        name: "rover" or "copter", as the configuration has it.
-        autopilot: of HEARTBEAT.
-        flies: it has to take off first, and has a height.
+        name: "rover" or "copter", as in the options.
+        autopilot: HEARTBEAT's MAV_AUTOPILOT.
+        flies: whether it has to take off first, and has a height.
         guided: the mode in which it takes targets.
         stop: the mode in which it stands, or hovers, whatever came before.
-        land: the mode in which it lands; None on the ground.
-        names: what modes are called, for messages to people.
-        brakes: the parameters that limit how hard it brakes, in m/s2: the first of them that is above 0 counts.
+        land: the mode in which it lands; None for ground vehicles.
+        names: names of modes, for messages to users.
+        brakes: the parameters that limit its braking, in m/s2: the first of them that is above 0 counts.
     """
 
     name: str
@@ -58,7 +58,7 @@ class VehicleKind:
         return self.autopilot == int(mav.MAV_AUTOPILOT_PX4)
 
     def mode_name(self, mode: int) -> str:
-        """Return what people call a mode."""
+        """Return a mode's name."""
         return self.names.get(mode, f"mode {mode}")
 
     def mode_params(self, mode: int) -> tuple[float, float, float]:
@@ -95,10 +95,10 @@ _KINDS: Final = {
 
 
 def kind_of(vehicle_type: int, autopilot: int) -> VehicleKind:
-    """Return the kind of vehicle that a HEARTBEAT tells of.
+    """Return the kind of vehicle for a HEARTBEAT's type and autopilot.
 
     Raises:
-        RobotUnavailable: it is one that this adapter cannot command.
+        RobotUnavailable: this adapter cannot command such a vehicle.
     """
     name = "rover" if vehicle_type in _ROVERS else "copter" if vehicle_type in _COPTERS else ""
     kind = _KINDS.get((name, autopilot))
@@ -115,23 +115,23 @@ _WORST_SEVERITY: Final = mav.MAV_SEVERITY_WARNING
 _FRESH_S: Final = 3.0
 
 EVERYBODY: Final = 0
-"""The system that messages to all are for."""
+"""The system id of messages to all."""
 
 RETRY_S: Final = 0.4
-"""What a vehicle has not answered for so long is asked again."""
+"""Time after which an unanswered request is repeated."""
 
 _UNREADY_EKF: Final = mav.EKF_CONST_POS_MODE | mav.EKF_UNINITIALIZED
 _READY_EKF: Final = (
     mav.EKF_ATTITUDE | mav.EKF_VELOCITY_HORIZ | mav.EKF_VELOCITY_VERT | mav.EKF_POS_HORIZ_REL | mav.EKF_POS_HORIZ_ABS
     | mav.EKF_POS_VERT_ABS | mav.EKF_PRED_POS_HORIZ_REL | mav.EKF_PRED_POS_HORIZ_ABS
 )  # fmt: skip
-"""831: everything that navigation needs. The first position comes long before that, and may be far off."""
+"""831: all flags that navigation needs. The first position comes long before, and may be far off."""
 
 _RESULTS: Final = {value: entry.name.removeprefix("MAV_RESULT_") for value, entry in mav.enums["MAV_RESULT"].items()}
 
 
 def place_of(origin: Any) -> GeoPoint:
-    """Return the place that a GPS_GLOBAL_ORIGIN tells of."""
+    """Return the place in a GPS_GLOBAL_ORIGIN."""
     return GeoPoint(origin.latitude * 1e-7, origin.longitude * 1e-7, origin.altitude * 1e-3)
 
 
@@ -143,7 +143,7 @@ class Ack(NamedTuple):
 
     @property
     def accepted(self) -> bool:
-        """Whether the vehicle does it."""
+        """Whether the vehicle carries the command out."""
         return self.result in (mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_IN_PROGRESS)
 
     @property
@@ -156,7 +156,7 @@ class Vehicle:
     """One vehicle. The receiving thread calls the hooks; all else belongs to the supervisor's thread.
 
     Attributes:
-        parameters: by name, the values that it has told last of those that it was asked for or told to set.
+        parameters: by name, the latest reported values of the parameters that were asked for or set here.
     """
 
     def __init__(self, link: MavlinkLink, system: int) -> None:
@@ -175,12 +175,12 @@ class Vehicle:
     # --- the receiving thread ------------------------------------------------------------------------------
 
     def _hear_ack(self, message: Any, received_s: float) -> None:
-        # Others may talk to it over the same link.
+        # Answers to other ground stations may come over the same link.
         if message.target_system in (EVERYBODY, self.link.system):
             self._acks[message.command] = Ack(message.result, received_s)
 
     def _hear_parameter(self, message: Any, _received_s: float) -> None:
-        # Who reads all of them for somebody else tells more than a thousand.
+        # If another ground station reads all parameters, there are more than a thousand.
         name = message.param_id.rstrip("\0")
         if name in self._wanted:
             self.parameters[name] = message.param_value
@@ -189,7 +189,7 @@ class Vehicle:
         if message.severity <= _WORST_SEVERITY:
             text = message.text
             plain = text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text)
-            # It is shown to people: nothing of it may move their cursor.
+            # The text is shown on terminals, and must hold no control characters.
             self._said.append((received_s, re.sub(r"[^ -~]", "?", plain)))
 
     # --- what is known -------------------------------------------------------------------------------------
@@ -206,15 +206,15 @@ class Vehicle:
 
     @property
     def heartbeat(self) -> Any | None:
-        """The latest HEARTBEAT; None if the last one is too old to say anything."""
+        """The latest HEARTBEAT; None if it is too old."""
         return self.heard_since("HEARTBEAT", self.now_s - _FRESH_S)
 
     @property
     def kind(self) -> VehicleKind:
-        """What it is, by its HEARTBEAT, of which one must have been heard.
+        """The kind of vehicle, by its HEARTBEAT, which must have been heard.
 
         Raises:
-            RobotUnavailable: it is nothing that this adapter can command.
+            RobotUnavailable: this adapter cannot command such a vehicle.
         """
         if self._kind is None:
             heartbeat = self.inbox.latest["HEARTBEAT"].message
@@ -223,44 +223,44 @@ class Vehicle:
 
     @property
     def mode(self) -> int | None:
-        """Its mode, as its HEARTBEAT says; None while it is not heard."""
+        """The mode in the latest HEARTBEAT; None while the vehicle is not heard."""
         heartbeat = self.heartbeat
         return None if heartbeat is None else int(heartbeat.custom_mode)
 
     @property
     def armed(self) -> bool:
-        """Whether its motors may turn, as its HEARTBEAT says."""
+        """Whether the motors may turn, by the latest HEARTBEAT."""
         heartbeat = self.heartbeat
         return heartbeat is not None and bool(heartbeat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
 
     def ekf_report(self, since_s: float) -> Any | None:
-        """Return what its EKF has said of itself since a steady time, as the last; None if nothing."""
+        """Return the EKF's latest status since a steady time; None without one."""
         return self.heard_since("EKF_STATUS_REPORT", since_s) or self.heard_since("ESTIMATOR_STATUS", since_s)
 
     def ekf_ready(self, since_s: float) -> bool:
-        """Return whether its position can be trusted, by what it has said since a steady time."""
+        """Return whether the EKF's position can be trusted, by its status since a steady time."""
         report = self.ekf_report(since_s)
         if report is None:
             return False
         return report.flags & _READY_EKF == _READY_EKF and not report.flags & _UNREADY_EKF
 
     def ack(self, command: int, since_s: float) -> Ack | None:
-        """Return the answer to a command that came at or after a steady time, or None."""
+        """Return the latest answer to a command if it came at or after a steady time, else None."""
         ack = self._acks.get(command)
         return ack if ack is not None and ack.received_s >= since_s else None
 
     def complaints(self, since_s: float) -> str:
-        """Return what the autopilot has complained of since a steady time, each thing once; empty for nothing."""
+        """Return the autopilot's warnings since a steady time, each once; empty without any."""
         return "; ".join(dict.fromkeys(text for at_s, text in tuple(self._said) if at_s >= since_s))
 
     # --- what it is told -----------------------------------------------------------------------------------
 
     def send(self, component: int, name: str, fields: Fields) -> None:
-        """Send a message in the name of one of our components."""
+        """Send a message as one of our components."""
         self.link.send(self.system, component, name, fields)
 
     def command(self, component: int, command: int, *params: float) -> None:
-        """Send a command, always to this vehicle's autopilot: a broadcast would be executed by everybody."""
+        """Send a command, always to this vehicle's autopilot: every vehicle would execute a broadcast."""
         values = [*params, *[0.0] * (7 - len(params))]
         self.send(component, "COMMAND_LONG", {
             "target_system": self.system, "target_component": AUTOPILOT, "command": command, "confirmation": 0,
@@ -268,7 +268,7 @@ class Vehicle:
         })  # fmt: skip
 
     def ask_for(self, component: int, message_id: int, hz: float) -> None:
-        """Ask for a message so many times a second."""
+        """Ask for a message at a rate in Hz."""
         self.command(component, mav.MAV_CMD_SET_MESSAGE_INTERVAL, float(message_id), 1e6 / hz)
 
     def ask_once(self, component: int, message_id: int) -> None:

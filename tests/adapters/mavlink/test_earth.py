@@ -111,7 +111,7 @@ def reckons_otherwise(wire: Wire) -> None:
         (
             reckons_otherwise,
             {"position_noise_m": 0.05},
-            "is 0.3. m from where it says that it is from the origin of its EKF",
+            "is 0.3. m from its reported place relative to its EKF's origin",
         ),
     ],
     ids=["far", "noise", "otherwise"],

@@ -108,7 +108,7 @@ def test_a_fence_that_is_not_kept_as_it_was_sent_is_refused(monkeypatch: pytest.
                 super().__setattr__(name, value)
 
         monkeypatch.setattr(autopilot, "fence", Coarse())
-        with pytest.raises(RobotUnavailable, match=r"was sent has 4 items, and what it holds is another, of 4"):
+        with pytest.raises(RobotUnavailable, match=r"it was sent a fence of 4 items, and holds another one, of 4"):
             fleet.robots[0].init(20.0)
         assert not autopilot.armed
 

@@ -158,7 +158,9 @@ def test_a_stray_packet_redirects_nothing_and_is_named(caplog: pytest.LogCapture
     link.send(1, KEEPER, "TIMESYNC", {"tc1": 0, "ts1": 1})
     assert sent.to == [HERE]
     assert link.inboxes[1].latest["LOCAL_POSITION_NED"].message.time_boot_ms == 10
-    assert str(link.duplicates[1]) == "two say to be it, at 127.0.0.1:1000, which is obeyed, and at 127.0.0.1:2000"
+    assert str(link.duplicates[1]) == (
+        "two vehicles have its system id: one at 127.0.0.1:1000, which is used, and one at 127.0.0.1:2000"
+    )
     assert link.duplicates[1].messages == 3
     assert caplog.text.count("give each vehicle a system id of its own") == 1
 
