@@ -1,1 +1,1 @@
-"""Backends: the code that opens robots of one kind, one folder each. A folder imports no other folder."""
+"""Backends: one folder for each kind of robots, with the code that opens them. Backends do not import each other."""

@@ -33,21 +33,21 @@ from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World, in_window
 
 
 class SimVehicle:
-    """One robot's own side; its `control` is what the world calls once each control period.
+    """The software on a simulated robot; the world calls its `control` once in each control period.
 
     Args:
-        lease_s: motion lives no longer than this after a renewal.
-        limits: what it can do.
+        lease_s: how long the robot moves after a renewal, at most.
+        limits: the limits of its drive.
         period_s: the control period.
 
     Attributes:
-        mux: who may move it, and the goal that does.
+        mux: the active controller, and its goal.
     """
 
     __slots__ = ("_drive", "mux")
 
     def __init__(self, lease_s: float, limits: DriveLimits, period_s: float) -> None:
-        # It is looked at once a period.
+        # The lease is checked once a period.
         self.mux: Mux[Controller, Goal] = Mux(Controller.SC, int(lease_s / period_s + _ROUNDING) * period_s)
         self._drive = Drive(limits, period_s)
 
@@ -62,7 +62,7 @@ class SimVehicle:
 PERIOD_S: Final = 0.05
 LEASE_S: Final = 0.1
 
-# Fleet time that is summed up tick by tick misses whole periods by so little.
+# Largest rounding error of fleet time, which is summed up tick by tick.
 _ROUNDING_S: Final = 1e-6
 _ROUNDING: Final = 1e-9
 
@@ -73,13 +73,13 @@ _REST_PERIODS: Final = 20
 class SimulatedRobot(Robot):
     """A robot of a world in this process.
 
-    Calls act at the beginning of the next control period and samples are those of its end, so that at whole periods
+    Calls act at the beginning of the next control period, and samples are taken at its end, so that at whole periods
     of the fleet's clock a sample is never old.
 
     Args:
         spec: which robot.
         clock: the fleet's clock, which advances the world.
-        world: where it lives.
+        world: the simulated world.
     """
 
     declared: ClassVar[Capabilities] = Capabilities(
@@ -99,7 +99,7 @@ class SimulatedRobot(Robot):
         lease_s=LEASE_S,
         tube_m=TUBE_M,
         overshoot_m=OVERSHOOT_M,
-        # What rigid bodies do that motors do not ask for: they slip sideways, by at most 1 mm/s, and overshoot a ramp.
+        # Rigid bodies deviate from the motors' commands: they slip sideways, by at most 1 mm/s, and overshoot a ramp.
         accel_m_s2=LIMITS.accel_m_s2,
         speed_noise_m_s=0.002,
         heading_noise_rad=0.001,
@@ -126,7 +126,7 @@ class SimulatedRobot(Robot):
             left: part of the left wheel's motion that reaches the ground, from 0 to 1.
             right: the same of the right wheel.
             brake: part of the deceleration that is left, from 0 to 1.
-            alive: False: the motors are off; who was in charge, its goal and its lease are forgotten.
+            alive: False switches the motors off; the active controller, its goal and its lease are forgotten.
         """
         self._world.impair(self.id, Impairment(left, right, brake, alive))
         if not alive:
@@ -144,7 +144,7 @@ class SimulatedRobot(Robot):
         vehicle_s = self._world.now_s
         now_s = self.clock.now()
         if not -_ROUNDING_S < now_s - vehicle_s < _ROUNDING_S:
-            # Between two periods the sample is that of the last one.
+            # Between two periods the sample is that of the last period.
             now_s = vehicle_s
         mux = self._mux
         goal = mux.command
@@ -184,7 +184,7 @@ class SimulatedRobot(Robot):
 
 
 class KinematicRobot(SimulatedRobot):
-    """A robot that nothing but its motors moves, so that it can promise that its samples are exact."""
+    """A robot that only its motors move, so that it can promise exact samples."""
 
     declared: ClassVar[Capabilities] = replace(
         SimulatedRobot.declared, speed_noise_m_s=0.0, heading_noise_rad=0.0, position_noise_m=0.0
@@ -192,7 +192,7 @@ class KinematicRobot(SimulatedRobot):
 
 
 class SimulatedPromise(Promise):
-    """What simulated robots may be asked to promise: they are built for that, in a world that has its own periods."""
+    """The promise that simulated robots are built to keep, within what a world with a fixed period allows."""
 
     v_max_m_s: Annotated[float, Field(ge=0.01, le=3.0, allow_inf_nan=False)] | None = None
     yaw_rate_max_rad_s: Annotated[float, Field(ge=0.1, le=6.0, allow_inf_nan=False)] | None = None
@@ -208,7 +208,7 @@ class SimulatedPromise(Promise):
 
     @property
     def limits(self) -> DriveLimits:
-        """What the robots can do."""
+        """The limits of the robots' drives."""
         given = {name: value for name, value in self.given.items() if name in DriveLimits.__slots__}
         return replace(LIMITS, **given)
 
@@ -224,9 +224,9 @@ class PyBulletConfig(BackendConfig):
     """Options of the backend `pybullet`.
 
     Attributes:
-        promise: what robots are built for that are not TurtleBots.
+        promise: differences of the robots from TurtleBots.
         engine: what moves the robots: rigid bodies, or the closed-form model of the backend `kinematic`.
-        window: whether to show the rigid bodies in a window of the host's display. It changes nothing that happens.
+        window: whether to show the rigid bodies in a window on the host's display. The run itself does not change.
     """
 
     promise: SimulatedPromise = SimulatedPromise()
@@ -241,17 +241,17 @@ class PyBulletConfig(BackendConfig):
 
 
 class KinematicConfig(BackendConfig):
-    """Options of the backend `kinematic`, which also has robots that are not TurtleBots: those keep a promise."""
+    """Options of the backend `kinematic`; `promise` has the differences of the robots from TurtleBots."""
 
     promise: SimulatedPromise = SimulatedPromise()
     engine: Literal["kinematic"] = "kinematic"
 
 
 class SimulatedFleet(Fleet):
-    """Robots of one world; sleeping on the fleet's clock moves it.
+    """Robots of one world; to sleep on the fleet's clock advances the world.
 
     Attributes:
-        world: for recordings and views of it; robots are commanded through the interface.
+        world: the world, for recordings and views; robots are commanded through the interface.
     """
 
     def __init__(
@@ -299,7 +299,7 @@ class PyBulletBackend(Backend):
 
 
 class KinematicBackend(PyBulletBackend):
-    """The same robots moved in closed form: no physics, and many times faster."""
+    """The robots of `PyBulletBackend`, moved in closed form: without physics, and many times faster."""
 
     config_model: ClassVar[type[BackendConfig]] = KinematicConfig
     robot_class: ClassVar[type[SimulatedRobot]] = KinematicRobot

@@ -2,15 +2,15 @@
 
 Nothing is imported here, so that the mux starts on a robot with rclpy, the messages and the standard library only.
 
-A robot is a namespace. In it SOTER uses these topics, all of standard types, all of which can be remapped:
+Each robot has a namespace. SOTER uses these topics in it, all of standard types, and all can be remapped:
 
-| topic | type | who publishes | what it says |
+| topic | type | publisher | content |
 |---|---|---|---|
-| `odom` | nav_msgs/Odometry | robot | where it is, at its own time |
+| `odom` | nav_msgs/Odometry | robot | pose and velocity, with the robot's time |
 | `battery_state` | sensor_msgs/BatteryState | robot | its charge |
-| `cmd_vel_ac` | geometry_msgs/Twist (or TwistStamped) | the AC | the velocity that it asks for |
-| `cmd_vel_sc` | the same | SOTER | the velocity that its safe controller asks for |
-| `cmd_vel` | the same | mux | the one of the two that passes, or rest |
-| `soter/order` | std_msgs/String, latched | SOTER | who is in charge, and the lease: `wire.Order` |
-| `soter/gate` | std_msgs/String, latched | mux | what the mux makes of it: `wire.GateReport` |
+| `cmd_vel_ac` | geometry_msgs/Twist (or TwistStamped) | the AC | the AC's velocity |
+| `cmd_vel_sc` | the same | SOTER | the safe controller's velocity |
+| `cmd_vel` | the same | mux | the active controller's velocity, or rest |
+| `soter/order` | std_msgs/String, latched | SOTER | the active controller, and the lease: `wire.Order` |
+| `soter/gate` | std_msgs/String, latched | mux | the mux's state: `wire.GateReport` |
 """

@@ -1,4 +1,4 @@
-"""The backend `ros2`: robots of the ROS graph, those that are given or simulated ones that are started for the run."""
+"""The backend `ros2`: given robots of the ROS graph, or simulated ones that are started for the run."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from soter.sdk.wire import WireBackend
 
 
 class Ros2Backend(WireBackend):
-    """Robots of the ROS graph, and one thread that hears them.
+    """Robots of the ROS graph, with one thread that receives their messages.
 
     Args:
-        external_ac: the robots' ACs are somebody else's nodes.
+        external_ac: whether the robots' ACs are nodes outside SOTER.
     """
 
     interface_version: ClassVar[int] = INTERFACE_VERSION

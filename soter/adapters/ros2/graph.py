@@ -1,4 +1,4 @@
-"""SOTER's own corner of the ROS graph: a context, an executor in a thread, and what can be seen of the others."""
+"""SOTER's part of the ROS graph: a context, an executor in a thread, and checks of other nodes."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ KINDS: Final = {False: "geometry_msgs/msg/Twist", True: "geometry_msgs/msg/Twist
 
 
 def velocity_type(*, stamped: bool) -> Any:
-    """Return the class of messages for velocities."""
+    """Return the class of velocity messages."""
     return TwistStamped if stamped else Twist
 
 
 def make_velocity(forward_m_s: float, turn_rad_s: float, stamp: Any, *, stamped: bool) -> Any:
-    """Return a velocity as a message; `stamp` is a builtin_interfaces/Time, used where it is stamped."""
+    """Return a velocity as a message; `stamp` is a builtin_interfaces/Time, used only if `stamped`."""
     message = velocity_type(stamped=stamped)()
     twist = message.twist if stamped else message
     twist.linear.x, twist.angular.z = forward_m_s, turn_rad_s
@@ -43,15 +43,15 @@ logger = logging.getLogger(__name__)
 _PATIENT: Final[dict[str, Any]] = {"depth": 1, "deadline": Infinite, "liveliness_lease_duration": Infinite}
 
 SENSOR: Final = QoSProfile(**_PATIENT, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""For what is heard: matches publishers of every kind, and keeps the latest only."""
+"""For subscriptions: matches publishers of every kind, and keeps only the latest message."""
 
 COMMAND: Final = QoSProfile(**_PATIENT, reliability=ReliabilityPolicy.RELIABLE)
-"""For what is said: matches subscribers of every kind, and keeps the latest only."""
+"""For publishers: matches subscribers of every kind, and keeps only the latest message."""
 
 LATCHED: Final = QoSProfile(
     **_PATIENT, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-"""For what a subscriber that comes later must hear too."""
+"""For messages that later subscribers must get too."""
 
 NODE_NAME: Final = "soter"
 
@@ -60,17 +60,17 @@ _END_TIMEOUT_S: Final = 5.0
 
 
 class Graph:
-    """A context of its own, so that it gets along with code that has called `rclpy.init` already, or will.
+    """A ROS context with its nodes and its executor, apart from code that calls `rclpy.init` itself.
 
     Callbacks of its nodes run in one background thread, one after another. Nodes publish from any thread.
 
     Args:
-        domain_id: of ROS; None for that of the environment.
+        domain_id: the ROS domain; None for that of the environment.
         use_sim_time: whether its nodes follow `/clock`.
         on_loopback: whether DDS stays on this host.
 
     Attributes:
-        failed: how many messages a callback could not take. The first is logged.
+        failed: how many messages a callback failed on. The first is logged.
     """
 
     def __init__(self, domain_id: int | None, *, use_sim_time: bool, on_loopback: bool) -> None:
@@ -87,7 +87,7 @@ class Graph:
         self._thread.start()
 
     def node(self, namespace: str) -> Node:
-        """Make the node of one robot; its callbacks run from now on."""
+        """Return a new node for one robot, with its callbacks running."""
         with self._bound():
             node = Node(
                 NODE_NAME, context=self._context, namespace=namespace, use_global_arguments=False,
@@ -103,8 +103,7 @@ class Graph:
         if self._closed:
             return
         self._closed = True
-        # First its thread, which takes what is shut down under it for a message that it could not take; for one more
-        # thing to do it wakes up.
+        # The thread ends first: it would count a shutdown during a spin as a failed message. The task wakes it up.
         self._executor.create_task(lambda: None)
         self._thread.join(_END_TIMEOUT_S)
         self._executor.shutdown()
@@ -122,30 +121,30 @@ class Graph:
             except ExternalShutdownException:
                 return
             except Exception:
-                # What a callback cannot take must not deafen the others.
+                # A failed callback must not end the thread that serves the others.
                 self.failed += 1
                 if self.failed == 1:
                     logger.exception("dropped a message that could not be taken")
 
 
 def heard_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) -> list[str]:
-    """Return what is wrong with those who publish a topic that is heard here, one line each, by name."""
+    """Return what is wrong with the publishers of a topic that is subscribed to here, one line each, by name."""
     return _wrong(node.get_publishers_info_by_topic(topic), topic, type_name, "publishes", profile, hears=True)
 
 
 def said_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) -> list[str]:
-    """Return what is wrong with those who hear a topic that is published here, one line each, by name."""
+    """Return what is wrong with the subscribers of a topic that is published here, one line each, by name."""
     return _wrong(node.get_subscriptions_info_by_topic(topic), topic, type_name, "subscribes to", profile, hears=False)
 
 
 def publishers(node: Node, topic: str, nameless: bool = True) -> list[str]:
-    """Return the names of all nodes that publish a topic; those whose names are not known yet only if wanted."""
+    """Return the names of all nodes that publish a topic; if not `nameless`, only of those with a known name."""
     names = {_name(each) for each in node.get_publishers_info_by_topic(topic)}
     return sorted(name for name in names if nameless or _UNNAMED not in name)
 
 
 def all_named(node: Node, *topics: str) -> bool:
-    """Return whether the names of all nodes that publish these topics are known; a node is found before its name is."""
+    """Return whether the names of all publishers of these topics are known; a node is found before its name."""
     return not any(_UNNAMED in name for topic in topics for name in publishers(node, topic))
 
 

@@ -1,4 +1,4 @@
-"""What the conformance kit needs to judge this adapter: fresh simulated robots, and ways to break the link to them."""
+"""Harness of the conformance kit for this adapter: fresh simulated robots, and ways to break the link to them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import Fleet, RobotSpec, Waypoint
 
 FAR: Final = "/far"
-"""What stands before a robot's namespace on SOTER's side of the relay."""
+"""Prefix of a robot's namespace on SOTER's side of the relay."""
 
 
 class _Topic(NamedTuple):
@@ -49,8 +49,8 @@ class Ros2Relay(ImpairedRelay):
     """Passes messages on, both ways.
 
     Args:
-        domain_id: of ROS.
-        namespaces: by robot, where it really is; SOTER finds it under `FAR`.
+        domain_id: the ROS domain.
+        namespaces: by robot id, the real namespace, which SOTER finds under `FAR`.
     """
 
     def __init__(self, domain_id: int, namespaces: dict[int, str]) -> None:
@@ -73,7 +73,7 @@ class Ros2Relay(ImpairedRelay):
 
 
 class Ros2Harness(RelayedHarness):
-    """Opens simulated robots behind a relay, in a ROS domain of their own, for every fleet anew."""
+    """Opens simulated robots behind a relay, in a ROS domain of their own, new ones for every fleet."""
 
     name = "ros2"
     connect_timeout_s = 20.0
@@ -93,7 +93,7 @@ class Ros2Harness(RelayedHarness):
         return _fleet(*self._seen_by_soter, self.asked(len(self._seen_by_soter[-1])))
 
     def stall(self, robot_id: int, seconds: float) -> None:
-        """Let a robot's mux stand still; its base goes on."""
+        """Suspend a robot's mux for a time; its base goes on."""
         assert isinstance(self.simulator, Ros2Simulator)
         self.stopped(self.simulator.muxes[robot_id], seconds)
 
@@ -103,8 +103,8 @@ class Ros2Harness(RelayedHarness):
         return self.driven(f"{__name__}:open_given", argument, target)
 
     def switchable(self) -> Switchable:
-        """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
-        # Nobody else may get its domain while its program is not there.
+        """Return a fleet of one fresh robot without a relay and without ground truth, to be switched off and on."""
+        # No other program may get its domain while its own is off.
         self._held = domain = Domain()
         self.fleet = _fleet(domain.id, None, "", self._start(1, domain.id).namespaces, self.asked(1))
         return Switchable(self.fleet, self._end, lambda: self._start(1, domain.id))
@@ -121,7 +121,7 @@ class Ros2Harness(RelayedHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return the first robot, where it is as JSON; what the kit's driver process calls."""
+    """Open the first robot at an address that is given as JSON; called in the kit's driver process."""
     domain_id, truth, namespaces = json.loads(argument)
     return _fleet(domain_id, truth, "", {int(number): name for number, name in namespaces.items()}, in_wide_rooms(1))
 

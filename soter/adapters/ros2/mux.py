@@ -1,12 +1,12 @@
 """The mux: a node on the robot that lets one of two controllers drive it, and stops it when SOTER falls silent.
 
 `soter ros2-mux --robot NAME`, `soter-ros2-mux` in launch files, or `python -m soter.adapters.ros2.mux`. It needs
-rclpy, geometry_msgs, std_msgs and, of SOTER, modules of the standard library only: nothing else has to be on the robot.
+rclpy, geometry_msgs, std_msgs and those modules of SOTER that use only the standard library; nothing else.
 
-It passes `cmd_vel_ac` or `cmd_vel_sc` on to `cmd_vel`, as `soter/order` says, and tells on `soter/gate` what it does.
-While the lease is dead, or the controller in charge is silent, it publishes rest. Topics are relative to the robot's
-namespace and take ROS's own remappings; parameters are read once, at the start: `lease_s`, `command_s`, `v_max_m_s`,
-`yaw_rate_max_rad_s`, `stamped` (TwistStamped instead of Twist) and ROS's `use_sim_time`.
+It passes `cmd_vel_ac` or `cmd_vel_sc` on to `cmd_vel`, by the latest `soter/order`, and reports its state on
+`soter/gate`. While the lease is dead, or the active controller is silent, it publishes rest. Topics are relative to the
+robot's namespace and take ROS's own remappings; parameters are read once, at the start: `lease_s`, `command_s`,
+`v_max_m_s`, `yaw_rate_max_rad_s`, `stamped` (TwistStamped instead of Twist) and ROS's `use_sim_time`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from soter.onboard.program import LEAVE_S, Ending, favour, killed_after
 from soter.onboard.velocity import REST, Velocity, VelocityGate
 from soter.onboard.wire import AC, CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER, SC
 
-# What matches publishers of either kind: a controller that streams has sent something newer before a repeat arrives.
+# Matches publishers of either kind: a controller has sent a newer velocity before a repeated one arrives.
 _STREAM: Final = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED: Final = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -40,10 +40,10 @@ _LATCHED: Final = QoSProfile(
 
 
 class MuxNode(Node):
-    """The gate of one robot as a ROS node. Used from one thread, its executor's.
+    """The gate of one robot as a ROS node. Used only in its executor's thread.
 
     Args:
-        namespace: the robot's; empty for what ROS's own arguments say.
+        namespace: the robot's namespace; empty for that of ROS's own arguments.
         options: for `rclpy.node.Node`.
     """
 
@@ -58,13 +58,13 @@ class MuxNode(Node):
         kind = TwistStamped if self._stamped else Twist
         self._velocities: Final = self.create_publisher(kind, CMD_VEL, 1)
         self._reports: Final = self.create_publisher(String, GATE, _LATCHED)
-        self._station: Final = _RosGateNode(gate, self)
-        self.create_subscription(String, ORDER, lambda message: self._station.hear_order(message.data), _LATCHED)
+        self._gate: Final = _RosGateNode(gate, self)
+        self.create_subscription(String, ORDER, lambda message: self._gate.hear_order(message.data), _LATCHED)
         self.create_subscription(kind, CMD_VEL_AC, lambda message: self._hear(AC, message), _STREAM)
         self.create_subscription(kind, CMD_VEL_SC, lambda message: self._hear(SC, message), _STREAM)
-        # Not ROS time: where that stands still, the robot must stop all the same.
-        self.create_timer(PERIOD_S, self._station.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._station.report()
+        # Not ROS time: if that stands still, the robot must still stop.
+        self.create_timer(PERIOD_S, self._gate.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._gate.report()
 
     def pass_on(self, velocity: Velocity) -> None:
         """Publish a velocity for the base."""
@@ -76,11 +76,11 @@ class MuxNode(Node):
         self._velocities.publish(message)
 
     def say(self, report: str) -> None:
-        """Publish what the gate does."""
+        """Publish a report of the gate."""
         self._reports.publish(String(data=report))
 
     def _number(self, name: str, default: float) -> float:
-        # Of any type: "1" is a whole number to ROS, which takes none for a parameter of another type.
+        # Of any type: "1" is an integer to ROS, which it refuses for a parameter declared as a float.
         value = self.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
         if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
             raise ValueError(f"parameter {name} is {value!r}, allowed: above 0")
@@ -88,11 +88,11 @@ class MuxNode(Node):
 
     def _hear(self, by: str, message: Any) -> None:
         twist = message.twist if self._stamped else message
-        self._station.hear(by, Velocity(twist.linear.x, twist.angular.z))
+        self._gate.hear(by, Velocity(twist.linear.x, twist.angular.z))
 
 
 class _RosGateNode(GateNode):
-    """The gate at work behind a node."""
+    """Connects the gate with a ROS node."""
 
     def __init__(self, gate: VelocityGate, node: MuxNode) -> None:
         super().__init__(gate)
@@ -100,7 +100,7 @@ class _RosGateNode(GateNode):
 
     def _clock_s(self) -> float | None:
         clock_s = float(self._node.get_clock().now().nanoseconds * 1e-9)
-        # With simulated time the clock shows 0 until /clock is heard.
+        # Simulated time is 0 until /clock is heard.
         return clock_s if clock_s > 0.0 else None
 
     def _pass_on(self, velocity: Velocity) -> None:
@@ -124,7 +124,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments)
     cut = given.index("--ros-args") if "--ros-args" in given else len(given)
     known = parser.parse_args(given[:cut])
-    # Its own handlers: by the time that rclpy's have run, nothing can be published any more.
+    # Our own signal handlers: after rclpy's handlers have run, nothing can be published any more.
     rclpy.init(args=given[cut:], signal_handler_options=SignalHandlerOptions.NO)
     ended = Ending(known.parent)
     try:

@@ -19,13 +19,13 @@ def _check_name(name: str) -> None:
 
 
 class Topics(MessageNames):
-    """Where the topics of a robot are; a name without a leading slash is relative to the robot's namespace."""
+    """The names of a robot's topics; a name without a leading slash is relative to the robot's namespace."""
 
     check = staticmethod(_check_name)
 
 
 class Ros2RobotOptions(PlaceOptions):
-    """Where one robot is; its namespace is one of ROS, such as /robot1."""
+    """The place of one robot; its namespace is a ROS namespace, such as /robot1."""
 
     check = staticmethod(_check_name)
 
@@ -34,11 +34,11 @@ class Ros2Config(VelocityControlledConfig):
     """Options of the backend `ros2`, besides those of `VelocityControlledConfig`.
 
     Attributes:
-        robots: by number, where the robots are; where none is given, simulated ones are started.
-        topics: what their topics are called.
-        use_sim_time: ROS time is that of `/clock`; needed with simulated robots, which have it in any case.
+        robots: by number, the places of the robots; if empty, simulated robots are started.
+        topics: the names of their topics.
+        use_sim_time: whether ROS time is that of `/clock`, as it always is for simulated robots.
         domain_id: the ROS domain; the default is that of the environment variable ROS_DOMAIN_ID.
-        loopback: keep DDS on this host, as simulated robots do that are started by hand with `soter sim ros2`.
+        loopback: whether to keep DDS on this host, as is needed for robots started with `soter sim ros2`.
     """
 
     robots: dict[int, Ros2RobotOptions] = Field(default_factory=dict)

@@ -13,26 +13,26 @@ from soter.onboard.wire import AC, SC
 from soter.sdk import Capabilities, RobotSpec
 
 if TYPE_CHECKING:
-    # Imported where it is used: what a robot promises can be read where ROS is not installed.
+    # Imported where it is used, so that promises can be read without ROS.
     from soter.adapters.ros2.graph import Graph
 
 _MUX: Final = "soter_mux"
 _WATCH_S: Final = 0.08
-"""How often it is looked who publishes what moves the robot; less than for how long an intruder counts."""
+"""Period of the check for other publishers that could move the robot; shorter than the time that one counts."""
 
 _NAMELESS_S: Final = 3.0
-"""The name of a node is known this long after the node at the latest, unless it hides it."""
+"""A node's name is known at most this long after the node, unless the node hides it."""
 
 
 class Ros2Robot(VelocityControlledRobot):
-    """One robot in a namespace of the ROS graph. It hears, and steers, in the graph's thread.
+    """One robot in a namespace of the ROS graph. It receives and steers in the graph's thread.
 
     Args:
-        spec: which robot.
+        spec: the robot.
         clock: follows the robots' clocks.
-        ros: SOTER's corner of the graph.
-        config: of the backend, with this robot in it.
-        external_ac: its AC is somebody else's node, which publishes on `cmd_vel_ac`: this robot never does.
+        ros: SOTER's part of the graph.
+        config: the backend's options, with this robot in it.
+        external_ac: whether the AC is a node outside SOTER; then SOTER never publishes on `cmd_vel_ac`.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Ros2Robot(VelocityControlledRobot):
         return replace(self.declared, reports_battery=battery)
 
     def _missing(self) -> str:
-        """Return what was not heard, and why that may be."""
+        """Return which messages were not heard, and likely causes."""
         from soter.adapters.ros2 import graph
         from soter.adapters.ros2.graph import KINDS
 
@@ -114,7 +114,7 @@ class Ros2Robot(VelocityControlledRobot):
         )
 
     def _watch(self) -> None:
-        """Look again and again who may move the robot, in the thread that hears it."""
+        """Check at intervals, in the receiving thread, for other nodes that may move the robot."""
         from rclpy.clock import Clock, ClockType
 
         from soter.adapters.ros2 import graph
@@ -126,7 +126,7 @@ class Ros2Robot(VelocityControlledRobot):
             now_s, topics = self.clock.steady_s(), self._config.topics
             if graph.all_named(self.node, topics.cmd_vel, topics.cmd_vel_sc):
                 named_s = now_s
-            # A node is found before its name is; one that has none for long is as good as a stranger.
+            # A node is found before its name; one that stays nameless for long counts as an intruder.
             found = self._others(nameless=now_s - named_s > _NAMELESS_S)
             if found:
                 self._take_intruder(found)
@@ -134,10 +134,10 @@ class Ros2Robot(VelocityControlledRobot):
         self.node.create_timer(_WATCH_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _others(self, *, nameless: bool = True) -> str:
-        """Return who may drive the robot past the mux, or in the SC's name, in words; empty for nobody.
+        """Return, in words, the nodes that may drive the robot past the mux or as the SC; empty without any.
 
         Args:
-            nameless: whether those count whose names are not known.
+            nameless: whether nodes count whose names are not known.
         """
         from soter.adapters.ros2 import graph
 
@@ -154,7 +154,7 @@ class Ros2Robot(VelocityControlledRobot):
         return ""
 
     def _refuse_others(self, timeout_s: float) -> None:
-        """Refuse a robot that others may drive past the mux, or in the SC's name."""
+        """Refuse a robot that other nodes may drive past the mux, or as the SC."""
         from soter.adapters.ros2 import graph
         from soter.adapters.ros2.graph import KINDS
 

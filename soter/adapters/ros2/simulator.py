@@ -1,6 +1,6 @@
-"""Starts simulated robots: a world and, for each robot, the mux, in processes of their own; and ends them.
+"""Starts and ends simulated robots: a world and, for each robot, a mux, in processes of their own.
 
-Nothing of it is heard or said beyond 127.0.0.1: DDS is kept on this host.
+Nothing is received from or sent to other hosts: DDS is kept on 127.0.0.1.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ SETTINGS: Final[Mapping[str, str]] = {
     # ROS would otherwise add peers and interfaces of its own.
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
 }
-"""What keeps ROS 2 programs on this host, in their environment; `ROS_LOCALHOST_ONLY` must not be set."""
+"""Environment that keeps ROS 2 programs on this host; `ROS_LOCALHOST_ONLY` must not be set."""
 
-# Deprecated, and with it every interface is bound all the same.
+# Deprecated; DDS binds every interface in spite of it.
 _UNSET: Final = "ROS_LOCALHOST_ONLY"
 
 
@@ -42,10 +42,10 @@ def environment() -> dict[str, str]:
 
 @contextmanager
 def loopback() -> Iterator[None]:
-    """Keep participants that are made meanwhile in this process on this host.
+    """Keep participants that are made in this context on this host.
 
-    Fast DDS reads the profile when the first participant of a process is made: one that has spoken to the network
-    before goes on doing so.
+    Fast DDS reads the profile when a process makes its first participant: a process that has used the network before
+    goes on doing so.
     """
     before = {name: os.environ.get(name) for name in (*SETTINGS, _UNSET)}
     os.environ.update(SETTINGS)
@@ -60,7 +60,7 @@ def loopback() -> Iterator[None]:
                 os.environ[name] = value
 
 
-# Ports of DDS are 7400 + 250 * domain and up; beyond this domain they meet those that Linux hands out.
+# Ports of DDS are 7400 + 250 * domain and up; in higher domains they collide with Linux's ephemeral ports.
 _DOMAINS: Final = range(1, 101)
 _PORT: Final = 7400
 _PORTS_PER_DOMAIN: Final = 250
@@ -69,10 +69,10 @@ _FIRST_PARTICIPANT: Final = 10
 
 
 class Domain:
-    """A ROS domain in which nobody is on this host, drawn at random, and held so that no other of these gets it.
+    """A ROS domain that no program on this host uses, drawn at random, and held so that no other `Domain` gets it.
 
     Raises:
-        RobotUnavailable: there is somebody in every one.
+        RobotUnavailable: every domain is in use.
     """
 
     def __init__(self) -> None:
@@ -86,12 +86,12 @@ class Domain:
         self._held: Final = held
 
     def close(self) -> None:
-        """Let go of it. Idempotent."""
+        """Release the domain. Idempotent."""
         self._held.close()
 
 
 def _held(domain_id: int) -> socket.socket | None:
-    """Return what holds a domain for this process, or None if somebody is in it."""
+    """Return a socket that holds a domain for this process, or None if the domain is in use."""
     port = _PORT + _PORTS_PER_DOMAIN * domain_id
     held = _bound(port + _NEVER_USED)
     if held is None:
@@ -105,7 +105,7 @@ def _held(domain_id: int) -> socket.socket | None:
 
 
 def _bound(port: int) -> socket.socket | None:
-    """Return a socket bound to a port of this host, or None if somebody else has it."""
+    """Return a socket bound to a port of this host, or None if the port is in use."""
     found = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         found.bind(("127.0.0.1", port))
@@ -116,22 +116,22 @@ def _bound(port: int) -> socket.socket | None:
 
 
 _APART_S: Final = 0.2
-"""So long after one participant the next one leaves: Fast DDS waits for ever if it hears of another one just then."""
+"""Time between the ends of two participants: Fast DDS waits for ever if it hears of another one as it ends."""
 
 
 class Ros2Simulator(VelocityControlledSimulator):
-    """A world in real time as ROS 2 robots, each with its mux. On this host only.
+    """ROS 2 robots simulated in real time, each with its mux. On this host only.
 
     Args:
         workspace: fence, boxes, chargers.
-        robots: its robots.
+        robots: the robots.
         stamped: whether velocities are TwistStamped.
-        domain_id: of ROS; None for one that nobody uses here.
-        truth_port: where the world tells the truth; 0 for any port that is free.
-        limits: what the mission promises, which the truth is judged by.
+        domain_id: the ROS domain; None for one that is free on this host.
+        truth_port: the port of the ground truth; 0 for any free port.
+        limits: the mission's limits, by which the ground truth is judged.
 
     Raises:
-        RobotUnavailable: it does not start.
+        RobotUnavailable: the simulation does not start.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class Ros2Simulator(VelocityControlledSimulator):
             "soter_sim.ros2", "/", robots, {**environment(), "ROS_DOMAIN_ID": str(domain_id)},
             "--truth-port", str(truth_port), *(["--stamped"] if stamped else []),
         )  # fmt: skip
-        # Meanwhile: they take their time to start.
+        # Before the world is handed over, because muxes take long to start.
         for robot_id in self.namespaces:
             self.start_mux(robot_id)
         self._hand_over(workspace, limits)

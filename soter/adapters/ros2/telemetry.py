@@ -1,4 +1,4 @@
-"""What SOTER does, on the ROS graph, in standard messages that `ros2 topic echo`, rqt and PlotJuggler show."""
+"""Publishes SOTER's decisions as standard ROS messages, for `ros2 topic echo`, rqt and PlotJuggler."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _KEPT: Final = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL
 
 
 class Telemetry:
-    """Publishes for each robot, in its namespace, from the robot's own node.
+    """Publishes each robot's decisions in its namespace, from the robot's own node.
 
     | topic | type | when |
     |---|---|---|
     | `soter/mode` | std_msgs/String, latched | "AC" or "SC", when it changes |
     | `soter/driver` | std_msgs/String, latched | "AC" or the safety module that drives, when it changes |
-    | `soter/margin/MODULE` | std_msgs/Float64 | at every tick, in the module's unit, 0 is the edge of what is safe |
-    | `soter/disengagements` | diagnostic_msgs/DiagnosticArray, latched | at every change of hands, the last 100 |
+    | `soter/margin/MODULE` | std_msgs/Float64 | at every tick, in the module's unit, 0 is the edge of phi_safe |
+    | `soter/disengagements` | diagnostic_msgs/DiagnosticArray, latched | at every switch, the last 100 |
     | `/diagnostics` | diagnostic_msgs/DiagnosticArray | every second: mode, cause, margins |
 
     Used from the supervisor's thread.
@@ -37,11 +37,11 @@ class Telemetry:
         self._robots: Final = {robot.id: _Topics(robot.node, modules) for robot in robots}
 
     def tick(self, robot_id: int, driver: str, cause: str, margins: Mapping[str, float]) -> None:
-        """Tell how a robot was judged."""
+        """Publish the decision on a robot in this tick."""
         self._robots[robot_id].tick(driver, cause, margins)
 
     def switched(self, robot_id: int, before: str, after: str, module: str, cause: str) -> None:
-        """Tell that a robot changed hands."""
+        """Publish a switch of a robot's active controller."""
         self._robots[robot_id].switched(before, after, module, cause)
 
 

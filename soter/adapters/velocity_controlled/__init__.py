@@ -1,1 +1,1 @@
-"""Robots that SOTER drives by streaming velocities to a mux beside their base, whatever carries the messages."""
+"""Robots that SOTER drives by sending velocities to a mux beside their base, over any middleware."""

@@ -1,4 +1,4 @@
-"""Where a robot is and how it moves, and what is left in its battery: read from messages as ROS defines them.
+"""Reads pose, velocity and charge of a robot from ROS messages.
 
 Messages are read by the names of their fields, so that any library's classes will do.
 """
@@ -16,7 +16,7 @@ _MOST: Final = 1e9
 
 
 class MeasuredMotion(NamedTuple):
-    """Where a robot was at a moment, and how it moved, in the workspace frame.
+    """A robot's pose and velocity at a moment, in the workspace frame.
 
     Attributes:
         stamp_s: the robot's time.
@@ -38,7 +38,7 @@ class MeasuredMotion(NamedTuple):
 
     @property
     def possible(self) -> bool:
-        """Whether some robot may be there and move so: no number is infinite, none, or beyond all measure."""
+        """Whether all numbers are finite and, except for the stamp, at most 1e9."""
         return all(-_MOST <= value <= _MOST for value in self[1:]) and isfinite(self.stamp_s)
 
     @property
@@ -48,7 +48,7 @@ class MeasuredMotion(NamedTuple):
         return self.forward_m_s * c - self.leftward_m_s * s, self.forward_m_s * s + self.leftward_m_s * c
 
     def after(self, seconds: float) -> MeasuredMotion:
-        """Return where it is so much later if it goes on as it does."""
+        """Return the motion after some seconds with the same speed and turn rate."""
         turned = self.turn_rad_s * seconds
         length = self.forward_m_s * seconds
         middle = self.heading_rad + 0.5 * turned
@@ -64,20 +64,20 @@ def seconds(stamp: Any) -> float:
 
 
 def read_odometry(message: Any, origin: Pose) -> MeasuredMotion:
-    """Return what a nav_msgs/Odometry says.
+    """Return the motion in a nav_msgs/Odometry.
 
-    Twists are in the frame of the robot's body, as nav_msgs has it; the position in that of its odometry, which reads
-    0, 0, 0 at `origin`. What it does not say is no number.
+    Twists are in the frame of the robot's body, as nav_msgs defines; the pose is in the odometry's frame, which reads
+    0, 0, 0 at `origin`. A heading that the message lacks is NaN.
     """
     position, turned = message.pose.pose.position, message.pose.pose.orientation
     twist = message.twist.twist
-    # The yaw of a quaternion that need not be that of a robot on level ground, nor of length 1.
+    # The yaw of any quaternion: the robot may be tilted, and the length need not be 1.
     yaw = atan2(
         2.0 * (turned.w * turned.z + turned.x * turned.y),
         turned.w * turned.w + turned.x * turned.x - turned.y * turned.y - turned.z * turned.z,
     )
     if turned.w * turned.w + turned.x * turned.x + turned.y * turned.y + turned.z * turned.z < _SHORT:
-        # Of length 0 is what nobody has filled in.
+        # A quaternion that was not filled in has length 0.
         yaw = nan
     c, s = cos(origin[2]), sin(origin[2])
     heading = remainder(origin[2] + yaw, 2.0 * pi)
@@ -93,17 +93,17 @@ def read_odometry(message: Any, origin: Pose) -> MeasuredMotion:
 
 
 class Charge(NamedTuple):
-    """What was said of a battery, 0 to 1, and when, in the robot's time."""
+    """A reported charge from 0 to 1, and the robot's time of the report."""
 
     stamp_s: float
     level: float
 
     def at_least(self, now_s: float, drive_per_s: float) -> float:
-        """Return the charge that is left at the robot's time `now_s`, if it has driven ever since."""
+        """Return the charge left at the robot's time `now_s` if the robot has driven since the report."""
         return max(0.0, self.level - drive_per_s * max(0.0, now_s - self.stamp_s))
 
 
 def read_battery(message: Any) -> Charge | None:
-    """Return what a sensor_msgs/BatteryState says; None where it says nonsense, or NaN: it does not know."""
+    """Return the charge in a sensor_msgs/BatteryState; None if it is NaN, for not known, or not from 0 to 1."""
     level = float(message.percentage)
     return Charge(seconds(message.header.stamp), level) if 0.0 <= level <= 1.0 else None

@@ -1,4 +1,4 @@
-"""What mission files say of robots behind a mux, whatever carries the messages."""
+"""Options of robots behind a mux in mission files, for any middleware."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class _Named(BaseModel):
-    """Has names of the carrier's."""
+    """Options with names that follow the middleware's rules."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     check: ClassVar[Callable[..., None]]
-    """Refuses what is no name with a ValueError that says what is allowed."""
+    """Checks a name; raises a ValueError that says what is allowed."""
 
 
 class MessageNames(_Named):
-    """Where the messages of a robot are.
+    """The names of a robot's messages.
 
     Attributes:
         odom: nav_msgs/Odometry.
-        battery: sensor_msgs/BatteryState; empty for a robot that says nothing of its battery.
-        cmd_vel: what the mux passes on; looked at only, to see what drives the robot past the mux.
-        cmd_vel_ac: what the AC asks for.
-        cmd_vel_sc: what the SC asks for.
-        order: who is in charge, to the mux.
-        gate: what the mux does.
+        battery: sensor_msgs/BatteryState; empty for a robot that does not report its battery.
+        cmd_vel: the mux's output; only watched, for programs that drive the robot past the mux.
+        cmd_vel_ac: the AC's velocities.
+        cmd_vel_sc: the SC's velocities.
+        order: the mux's orders: active controller and lease.
+        gate: the mux's reports.
     """
 
     odom: str = "odom"
@@ -56,10 +56,10 @@ class MessageNames(_Named):
 
 
 class PlaceOptions(_Named):
-    """Where one robot is.
+    """The place of one robot.
 
     Attributes:
-        namespace: of its messages.
+        namespace: the namespace of its messages.
         odom_origin: the pose in the workspace, east and north in metres and radians counter-clockwise from east, at
             which its odometry reads 0, 0, 0.
     """
@@ -75,12 +75,12 @@ class PlaceOptions(_Named):
 
 
 class VelocityControlledConfig(BackendConfig):
-    """Options that every backend has whose robots are streamed to.
+    """Options that all backends with velocity-controlled robots have.
 
     Attributes:
-        stamped: velocities are TwistStamped instead of Twist.
-        discovery_s: how long to wait for what a robot says, at most.
-        truth: `host:port` at which a simulated world that was started by hand says what really happens.
+        stamped: whether velocities are TwistStamped instead of Twist.
+        discovery_s: longest time to wait for a robot's first messages.
+        truth: `host:port` of the ground truth of a simulated world that was started by hand.
     """
 
     stamped: bool = False
@@ -88,21 +88,21 @@ class VelocityControlledConfig(BackendConfig):
     truth: str | None = None
 
     def promised(self) -> Capabilities:
-        """Return what robots promise: those that are faster than a TurtleBot stray as much more, unless it is given."""
+        """Return the robots' promise; for robots faster than a TurtleBot tube and noise grow, unless they are given."""
         return promised(self.promise)
 
 
 def promised(promise: Promise) -> Capabilities:
-    """Return what robots promise where so much is given."""
+    """Return the full promise of robots for which some figures are given."""
     declared, given = VelocityControlledRobot.declared, promise.given
     base = replace(declared, **given)
     limits = replace(BASE, v_max_m_s=base.v_max_m_s, brake_m_s2=base.brake_m_s2)
-    # While clocks are learned, a position is off by so much time at top speed.
+    # While clocks are being learned, stamps are off, and so positions at top speed.
     noise_m = declared.position_noise_m * max(1.0, base.v_max_m_s / declared.v_max_m_s)
     derived = {"tube_m": tube_m(limits, base.latency_s + base.setpoint_period_s), "position_noise_m": noise_m}
     return replace(base, **{**derived, **given})
 
 
 def promising(spec: RobotSpec, config: VelocityControlledConfig) -> RobotSpec:
-    """Return a robot with what it is asked to promise: for all of them, unless something is asked of it already."""
+    """Return a robot with the promise of the backend's options, unless it has a promise of its own."""
     return spec if spec.promised is not None else replace(spec, promised=config.promised())

@@ -1,4 +1,4 @@
-"""One robot that is driven by velocities, through a mux on its side; what all such adapters have in common."""
+"""One velocity-controlled robot, behind a mux beside its base: the common part of all such adapters."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from soter.sdk import Capabilities, Controller, Goal, Link, Robot, RobotSpec, Ro
 logger = logging.getLogger(__name__)
 
 LEASE_S: Final = 0.15
-"""Of this the mux counts 0.13 s, unless it is told otherwise; it looks every 0.02 s."""
+"""The mux counts 0.13 s of this by default, because it looks only every 0.02 s."""
 
 ODOMETRY_S: Final = 1.0 / 30.0
 
 SETTLED: Final = 10
-"""After so many odometry messages the least delay among them is near the least there is."""
+"""Number of odometry messages after which the shortest delay among them is near the shortest possible."""
 
 BASE: Final = DriveLimits()
-"""What a base can do of which nothing else is promised."""
+"""The limits of a base, unless others are promised."""
 
-# It steers by what it knows of the robot, which acts on that later: so it plans with less than the vehicle can do.
+# The drive steers by old samples, and the robot acts later still: so it plans with less than the base can do.
 _BRAKE: Final = 0.7
 _YAW_ACCEL_RAD_S2: Final = 4.0
 _PLANNED_PERIOD_S: Final = 0.1
@@ -43,15 +43,15 @@ _LOOK_S: Final = 0.005
 _REPEAT_S: Final = 0.05
 _LOST_S: Final = 1.0
 _GAP_S: Final = 0.25
-"""More than this between two samples is the link's silence, not the mux's."""
+"""A longer gap between two samples is the link's silence, not the mux's."""
 
 _INTRUDED_S: Final = 0.1
-"""So long a robot is not driven after somebody else was seen to: not a lease, so that one message stops it for a tick
-or two, and who goes on keeps it stopped."""
+"""How long a robot's lease is not renewed after another program was seen to drive it: one message stops the robot for
+a tick or two, and a stream of messages keeps it stopped."""
 
 
 def wait_for(holds: Callable[[], bool], timeout_s: float) -> bool:
-    """Wait until something holds, which other threads bring about; return whether it does in time."""
+    """Wait until other threads have made a condition true; return whether they have in time."""
     until_s = time.monotonic() + timeout_s
     while not holds():
         if time.monotonic() >= until_s:
@@ -61,7 +61,7 @@ def wait_for(holds: Callable[[], bool], timeout_s: float) -> bool:
 
 
 class _Doing(NamedTuple):
-    """What the robot is to do; replaced as a whole by the supervisor's thread, read by the thread that hears."""
+    """The robot's present task; replaced as a whole by the supervisor's thread, read by the receiving thread."""
 
     controller: str
     target: Waypoint | None
@@ -72,21 +72,21 @@ class _Doing(NamedTuple):
 class VelocityControlledRobot(Robot):
     """One robot behind a mux.
 
-    Odometry is taken in the thread that hears it, which also steers: at each message it sends the next velocity for the
-    goal, in the name of the controller in charge, as long as the lease lives that only the supervisor renews.
+    The thread that receives odometry also steers: at each message it sends the next velocity for the goal, as the
+    active controller, as long as the lease lives, which only the supervisor renews.
 
-    An adapter hands on what it hears by the `_take_...` methods, each kind from one thread at a time, and fills the
-    underscored methods; of Robot's own hooks only `_connect` is left to it.
+    An adapter hands on messages by the `_take_...` methods, each kind from one thread at a time, and implements
+    `_send_velocity`, `_send_order` and, of Robot's hooks, `_connect`.
 
     Args:
-        spec: which robot.
+        spec: the robot.
         clock: follows the robots' clocks.
         origin: the pose in the workspace at which its odometry reads 0, 0, 0.
-        rate: seconds of the robot's clock by second of the host; above 1 only in a simulated world that runs faster.
-        external_ac: its AC is somebody else's program, which talks to the mux itself: this robot never speaks for it.
+        rate: seconds of the robot's clock per host second; above 1 only in a simulated world that runs faster.
+        external_ac: whether the AC is a program outside SOTER that sends to the mux itself; SOTER never sends for it.
 
     Attributes:
-        dropped: how many messages were dropped, by what was wrong with them.
+        dropped: how many messages were dropped, by cause.
     """
 
     declared: ClassVar[Capabilities] = Capabilities(
@@ -106,7 +106,7 @@ class VelocityControlledRobot(Robot):
         lease_s=LEASE_S,
         tube_m=TUBE_M,
         overshoot_m=OVERSHOOT_M,
-        # Stamps move by some milliseconds while clocks are learned; at top speed that is this far.
+        # Stamps move by some milliseconds while clocks are being learned; this is the distance at top speed.
         position_noise_m=0.002,
         pivots_first=True,
     )
@@ -138,7 +138,7 @@ class VelocityControlledRobot(Robot):
         self._latest: tuple[RobotState, MeasuredMotion] | None = None
         self._gate: GateReport | None = None
         self._charge: Charge | None = None
-        # For how long the robot was heard since an order that its mux has not answered; None while there is none.
+        # How long the robot has been heard since the oldest order that its mux has not answered; None without one.
         self._unanswered_s: float | None = None
         self._heard = 0
         self._intruded = float("-inf"), ""
@@ -146,7 +146,7 @@ class VelocityControlledRobot(Robot):
 
     @staticmethod
     def counted_s(promised: Capabilities) -> float:
-        """Return the lease that a mux counts, so that with its own period it is no longer than promised."""
+        """Return the lease that a mux counts: with the mux's own period, it is as long as promised."""
         return promised.lease_s - PERIOD_S
 
     # --- what an adapter hears -----------------------------------------------------------------------------
@@ -161,7 +161,7 @@ class VelocityControlledRobot(Robot):
         latest = self._latest
         rebooted = self._vehicle_clock.observe(self.id, motion.stamp_s, received_s)
         if latest is not None and motion.stamp_s < latest[1].stamp_s and not rebooted:
-            # It was overtaken on its way.
+            # A newer message has overtaken this one.
             return
         east_m_s, north_m_s = motion.velocity
         gate, charge = self._gate, self._charge
@@ -169,7 +169,7 @@ class VelocityControlledRobot(Robot):
         if unanswered_s is not None and latest is not None:
             passed_s = max(0.0, motion.stamp_s - latest[1].stamp_s) / self._rate
             self._unanswered_s = unanswered_s = unanswered_s + min(passed_s, _GAP_S)
-        # What a mux says of who is in charge is about us only if it listens to us, and holds only while it lives.
+        # A mux's active controller counts only while the mux is alive and follows our orders.
         ours = gate is not None and gate.session == self._order.session and (unanswered_s or 0.0) <= _LOST_S
         state = RobotState(
             robot_id=self.id,
@@ -182,7 +182,7 @@ class VelocityControlledRobot(Robot):
             vx_m_s=east_m_s,
             vy_m_s=north_m_s,
             yaw_rate_rad_s=motion.turn_rad_s,
-            # Batteries report seldom. In between it counts as driving, so that the next report can only be better news.
+            # Batteries report seldom. In between the robot counts as driving: the next report can only be higher.
             battery=None if charge is None else charge.at_least(motion.stamp_s, 1.0 / self.spec.drive_s),
             controller=Controller(gate.controller) if gate is not None and ours else None,
             goal_id=self._doing.goal_id,
@@ -201,7 +201,7 @@ class VelocityControlledRobot(Robot):
             self._charge = charge
 
     def _take_report(self, text: str) -> None:
-        """Take what the mux says it does."""
+        """Take a report of the mux."""
         try:
             self._gate = GateReport.decode(text)
             self._unanswered_s = None
@@ -209,13 +209,13 @@ class VelocityControlledRobot(Robot):
             self._drop("a report of its mux that makes no sense", failure)
 
     def _take_intruder(self, why: str) -> None:
-        """Take that somebody else has just moved the robot, or may at any time."""
+        """Note that another program has just moved the robot, or may at any time."""
         if not self._intruded[1]:
             logger.warning("robot %d: %s", self.id, why)
         self._intruded = self.clock.steady_s(), why
 
     def _drop(self, what: str, why: object) -> None:
-        """Count a message that is dropped, and log the first of its kind: there may be many."""
+        """Count a dropped message, and log only the first of its kind: there may be many."""
         self.dropped[what] += 1
         if self.dropped[what] == 1:
             logger.warning("robot %d: dropped %s: %s", self.id, what, why)
@@ -224,11 +224,11 @@ class VelocityControlledRobot(Robot):
 
     @abstractmethod
     def _send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float) -> None:
-        """Send a velocity to the mux, in the name of a controller; never wait. Called from any thread."""
+        """Send a velocity to the mux as a controller, without waiting. Called from any thread."""
 
     @abstractmethod
     def _send_order(self, text: str) -> None:
-        """Send an order to the mux; never wait. Called from the supervisor's thread."""
+        """Send an order to the mux, without waiting. Called from the supervisor's thread."""
 
     # --- the hooks of Robot --------------------------------------------------------------------------------
 
@@ -243,7 +243,7 @@ class VelocityControlledRobot(Robot):
         return None if latest is None else latest[0]
 
     def _hand_over(self, to: Controller) -> None:
-        # One message shuts the old controller's stream: the mux drops what it asked for with the change.
+        # One message stops the old controller: at a switch the mux drops that controller's velocity.
         if to.value != self._doing.controller:
             self._doing = self._doing._replace(controller=to.value, target=None, goal_id=None)
         self._say(controller=to.value)
@@ -268,7 +268,7 @@ class VelocityControlledRobot(Robot):
         first = self._order.seq + 1
         if self._settle(min(timeout_s, _LOST_S)):
             return
-        # A robot or a mux that is not heard any more has been stopped by its lease; it may come back, but not many do.
+        # A robot or a mux that is no longer heard has been stopped by its lease; few of them come back, so do not wait.
         latest = self._latest
         heard = latest is not None and self.clock.now() - latest[0].stamp_s <= self.stale_after_s
         if heard and self._has_taken(first):
@@ -277,7 +277,7 @@ class VelocityControlledRobot(Robot):
     # --- for an adapter's `_connect` -----------------------------------------------------------------------
 
     def _say(self, **changes: object) -> None:
-        """Tell the mux all that is to hold, with these changes, under a new number."""
+        """Send the whole order with these changes, under a new number."""
         order = self._order._replace(seq=self._order.seq + 1, **changes)  # type: ignore[arg-type]
         self._order = order
         if self._unanswered_s is None:
@@ -285,11 +285,11 @@ class VelocityControlledRobot(Robot):
         self._send_order(order.encode())
 
     def _all_heard(self, *, battery: bool) -> bool:
-        """Whether its clock is known well enough, its mux reports, and its battery too where it is to."""
+        """Return whether the clock is known well enough and the mux has reported, and the battery if required."""
         return self._heard >= SETTLED and self._gate is not None and (self._charge is not None or not battery)
 
     def _settle(self, timeout_s: float) -> bool:
-        """Repeat the order until the mux has taken it and the robot stands still; return whether that is so in time."""
+        """Repeat the order until the mux has taken it and the robot is at rest; return whether both come in time."""
         first, until_s = self._order.seq + 1, self.clock.steady_s() + timeout_s
 
         def done() -> bool:
@@ -303,17 +303,17 @@ class VelocityControlledRobot(Robot):
         return False
 
     def _has_taken(self, first: int) -> bool:
-        """Whether the mux has taken an order of ours from this number on."""
+        """Return whether the mux has taken one of our orders with this number or a later one."""
         gate = self._gate
         return gate is not None and gate.session == self._order.session and gate.seq >= first
 
     def _follows_another(self) -> bool:
-        """Whether the mux says that another program's lease lives."""
+        """Return whether the mux reports that another program's lease lives."""
         gate = self._gate
         return gate is not None and gate.session not in {"", self._order.session} and gate.alive
 
     def _refusal(self) -> str | None:
-        """Return why the robot did not settle, as its mux reports it; None where its mux takes no order of ours."""
+        """Return why the robot did not settle, by its mux's report; None if its mux takes no order of ours."""
         gate, latest = self._gate, self._latest
         if self._follows_another():
             return "its mux follows another program, whose lease lives; end that program"
@@ -325,7 +325,7 @@ class VelocityControlledRobot(Robot):
         return controller == SC or not self._external_ac
 
     def _steer(self) -> None:
-        """Send the velocity that the controller in charge asks for now; nothing once its lease is dead."""
+        """Send the active controller's velocity for now; nothing once the lease is dead."""
         with self._steering:
             doing, latest = self._doing, self._latest
             lease_age_s = (self.clock.steady_s() - doing.renewed_steady_s) * self._rate
@@ -333,13 +333,13 @@ class VelocityControlledRobot(Robot):
                 return
             gate = self._gate
             if gate is not None and gate.session not in {"", self._order.session}:
-                # The mux would take what is said in the controller's name for what the other program's says.
+                # The mux would take our velocity for that of the other program's controller.
                 return
             age_s = self.clock.now() - latest[0].stamp_s
             if age_s > _BLIND_S:
                 velocity = 0.0, 0.0
             else:
-                # Where it will be when it acts on this.
+                # The motion at the moment when the robot acts on the velocity.
                 motion = latest[1].after(age_s + _REACTION_S * self._rate)
                 velocity = self._drive.command(
                     motion.x_m, motion.y_m, motion.heading_rad, motion.forward_m_s, motion.turn_rad_s, doing.target

@@ -1,4 +1,4 @@
-"""Starts simulated robots that velocities are streamed to: a world and, for each robot, its mux, as processes."""
+"""Starts velocity-controlled simulated robots: a world and, for each robot, its mux, as processes."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from soter.sdk.wire import describe
 class VelocityControlledSimulator(ABC):
     """A world in real time and its robots' muxes, which end with this process, however it ends.
 
-    It starts the world's process, which then waits for the world: `_hand_over`. Muxes may be started before or after.
+    The constructor starts the world's process, which then waits for `_hand_over` to describe the world. Muxes may be
+    started before or after.
 
     Args:
         module: the world's program, see `soter_sim.program`.
-        prefix: what stands before the name of each robot's namespace.
-        robots: its robots.
+        prefix: of each robot's namespace.
+        robots: the robots.
         environment: of the processes, besides that of Python.
         options: more arguments of the world's program.
 
     Attributes:
-        namespaces: by robot, where its messages are.
-        truth: where the world tells what really happens, as `host:port`.
+        namespaces: by robot id, the namespace of its messages.
+        truth: address of the ground truth, as `host:port`.
         world: the process of the world.
-        muxes: by robot, the process of its mux.
+        muxes: by robot id, the process of its mux.
     """
 
     truth: str
@@ -47,7 +48,7 @@ class VelocityControlledSimulator(ABC):
 
     @abstractmethod
     def start_mux(self, robot_id: int) -> None:
-        """Start the mux of a robot, in place of the one that it had."""
+        """Start a robot's mux, in place of any earlier one."""
 
     def lost(self) -> str:
         """Return which process has ended, in words; empty while all run."""
@@ -55,7 +56,7 @@ class VelocityControlledSimulator(ABC):
         return program.ended("the simulated world", self.world) or next(filter(None, muxes), "")
 
     def promised(self, robot_id: int) -> Capabilities:
-        """Return what a robot is asked to promise, which its mux is told."""
+        """Return a robot's promise, which its mux is started with."""
         spec = next(spec for spec in self._robots if spec.id == robot_id)
         return VelocityControlledRobot.declared if spec.promised is None else spec.promised
 
@@ -64,7 +65,7 @@ class VelocityControlledSimulator(ABC):
         program.end([self.world, *self.muxes.values()])
 
     def _hand_over(self, workspace: Workspace, limits: RuleLimits) -> dict[str, Any]:
-        """Hand the world, and what its mission promises, to its process and return what that says of it."""
+        """Send the world and the mission's limits to the world's process, and return the process's answer."""
         try:
             told = program.hand_over(self.world, self._module, describe(workspace, self._robots, limits))
             self.truth = told["truth"]

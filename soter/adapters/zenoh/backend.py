@@ -1,4 +1,4 @@
-"""The backend `zenoh`: robots on keys, those that are given or simulated ones that are started for the run."""
+"""The backend `zenoh`: given robots on Zenoh keys, or simulated ones that are started for the run."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 _ASK_S: Final = 0.25
 _LISTEN_S: Final = 0.5
-"""How long to listen for others who drive a robot, before it is taken."""
+"""How long to listen for other programs that drive a robot, before it is taken."""
 
 
 class ZenohRobot(VelocityControlledRobot):
-    """One robot below a namespace, which its keys begin with."""
+    """One robot whose keys begin with a namespace."""
 
     def __init__(self, spec: RobotSpec, clock: VehicleClock, session: zenoh.Session, config: ZenohConfig) -> None:
-        # Only here: what a robot promises can be read where Zenoh is not installed.
+        # Imported here, so that promises can be read without Zenoh.
         from soter.adapters.zenoh.wire import Wire
 
         place = config.robots[spec.id]
@@ -51,12 +51,12 @@ class ZenohRobot(VelocityControlledRobot):
         until_s = clock.steady_s() + timeout_s
         if not self._discover(min(timeout_s, self._config.discovery_s)):
             raise self._unavailable(self._missing())
-        # A lease that has just died is reported a little later.
+        # The mux reports the end of another program's lease a little late.
         if not wait_for(lambda: not self._follows_another(), _LISTEN_S):
             raise self._unavailable(self._refusal() or "its mux follows one program after another")
         others = wire.others(_LISTEN_S)
         if others:
-            raise self._unavailable(f"{'; '.join(others)}; let them say it on {wire.keys.cmd_vel_ac}")
+            raise self._unavailable(f"{'; '.join(others)}; let them publish it on {wire.keys.cmd_vel_ac}")
         if not self._settle(until_s - clock.steady_s()):
             raise self._unavailable(
                 self._refusal()
@@ -66,17 +66,17 @@ class ZenohRobot(VelocityControlledRobot):
         return replace(self.declared, reports_battery=bool(wire.keys.battery))
 
     def _discover(self, timeout_s: float) -> bool:
-        """Wait until all that the robot says has been heard; return whether that is so in time."""
+        """Wait until every kind of the robot's messages has been heard; return whether all come in time."""
         until_s, battery = self.clock.steady_s() + timeout_s, bool(self.wire.keys.battery)
         while self.clock.steady_s() < until_s:
-            # Without a lease, so nothing moves. A mux of ROS behind a bridge only says something when it is told to.
+            # Without a lease, so that nothing moves. A ROS mux behind a bridge reports only after an order.
             self._say()
             if wait_for(lambda: self._all_heard(battery=battery), min(_ASK_S, until_s - self.clock.steady_s())):
                 return True
         return False
 
     def _missing(self) -> str:
-        """Return what was not heard, and why that may be."""
+        """Return which messages were not heard, and likely causes."""
         missing = self.wire.missing() or ["what was heard makes no sense"]
         return (
             f"within {self._config.discovery_s:g} s: {'; '.join(missing)}. Is the robot running, with "
@@ -88,7 +88,7 @@ class ZenohRobot(VelocityControlledRobot):
 
 
 class ZenohBackend(WireBackend):
-    """Robots on keys, and the session that they are heard over."""
+    """Robots on Zenoh keys, and the session to reach them."""
 
     interface_version: ClassVar[int] = INTERFACE_VERSION
     config_model: ClassVar[type[BackendConfig]] = ZenohConfig

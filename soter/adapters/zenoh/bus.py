@@ -1,4 +1,4 @@
-"""The bus between processes of one mission, over Zenoh: see `soter.distribution.bus`, whose `Bus` this is."""
+"""The bus between the processes of one mission, over Zenoh: implements `soter.distribution.bus.Bus`."""
 
 from __future__ import annotations
 
@@ -22,18 +22,17 @@ _log = logging.getLogger(__name__)
 
 
 class ZenohBus:
-    """Keys and bytes, to all other subscribers on the network. Its own messages do not come back to it.
+    """Sends bytes under keys to all other subscribers on the network. Its own messages do not come back to it.
 
-    What is heard under a key is heard in a thread of that key's own, one message after another; what has not been heard
-    when 1000 newer messages are there is lost. Whatever fails there is counted, the first time logged, and concerns no
-    other message.
+    Each subscription hears its messages in a thread of its own, one after another; a message that waits behind 1000
+    newer ones is lost. Failures there are counted, the first is logged, and no other message is affected.
 
     Args:
-        session: an open session, which from now on is this bus's own.
+        session: an open session, which belongs to the bus from now on.
 
     Attributes:
-        options_model: what `open` takes.
-        lost: messages that could not even be handed to Zenoh.
+        options_model: the class of `open`'s options.
+        lost: how many messages could not be handed to Zenoh.
     """
 
     options_model: ClassVar[type[BaseModel]] = SessionOptions
@@ -48,27 +47,27 @@ class ZenohBus:
 
     @classmethod
     def open(cls, options: SessionOptions) -> Self:
-        """Open a session for it; others may not be there yet, except for a client, which waits for its router.
+        """Open a bus with a session of its own; only a client waits, for its router.
 
         Raises:
             BackendUnavailable: Zenoh is not installed.
-            ConfigError: there is no password where it should be.
-            RobotUnavailable: it cannot be opened; the message says why, and what to do.
+            ConfigError: a password is missing.
+            RobotUnavailable: the session cannot be opened; the message says why, and what to do.
         """
         return cls(open_session(options))
 
     @property
     def failed(self) -> int:
-        """How many messages were not taken by whoever should hear them."""
+        """How many messages the subscribed functions failed on."""
         return sum(listener.failed for listener in self._listeners)
 
     def publish(self, key: str, payload: bytes) -> None:
-        """Send it to all subscribers. From any thread. Never waits and never raises; it may get lost."""
+        """Send a message to all subscribers. From any thread. Never waits and never raises; messages may get lost."""
         import zenoh
 
         try:
-            # Nothing waits for others. Not express: each message would fill one of the few places of the queue by
-            # itself, and of five in a row three would be lost.
+            # Dropped instead of waiting. Not express: each message would fill one of the few places of the queue, and
+            # of five in a row three would be lost.
             self._session.put(
                 key,
                 payload,
@@ -86,10 +85,10 @@ class ZenohBus:
                 _log.warning("nothing can be published under '%s': %s", key, failure)
 
     def subscribe(self, key: str, hear: Callable[[str, bytes], None]) -> None:
-        """Hear what is published under a key from now on, until it is closed. A `*` stands for any one part of a key.
+        """Call `hear` with each message under a key, until the bus is closed. A `*` stands for any one part of a key.
 
         Raises:
-            ValueError: it is no key.
+            ValueError: the key is not valid.
         """
         import zenoh
 
@@ -107,7 +106,7 @@ class ZenohBus:
         self._listeners.append(Listener(subscriber, take))
 
     def close(self) -> None:
-        """Leave. Nothing is heard afterwards. Idempotent; not to be called from where messages are heard."""
+        """End all subscriptions, and close the session. Idempotent; not to be called from a subscription's thread."""
         self._closed = True
         for listener in self._listeners:
             listener.close()

@@ -1,4 +1,4 @@
-"""What the conformance kit needs to judge this adapter: fresh simulated robots, and ways to break the link to them."""
+"""Harness of the conformance kit for this adapter: fresh simulated robots, and ways to break the link to them."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _AT_ONCE: Final = 256
 
 
 class ZenohRelay(ImpairedRelay):
-    """Passes messages on, both ways. The two sides know nothing of each other.
+    """Passes messages on, both ways. The two sides have no link to each other.
 
     Args:
-        there: how the robots are reached.
-        here: how SOTER reaches the relay.
-        namespaces: by robot, what its keys begin with.
-        prefix: what stands before them on SOTER's side; needed where both sides are one network.
+        there: the session with the robots.
+        here: the session with SOTER.
+        namespaces: by robot id, the namespace of its keys.
+        prefix: of the namespaces on SOTER's side; needed if both sides are on one network.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class ZenohRelay(ImpairedRelay):
 
 
 class ZenohHarness(RelayedHarness):
-    """Opens simulated robots behind a relay, for every fleet anew; all of them are peers."""
+    """Opens simulated robots behind a relay, new ones for every fleet; all sessions are peers."""
 
     name = "zenoh"
 
@@ -84,7 +84,7 @@ class ZenohHarness(RelayedHarness):
         return ZenohBackend().open(self._seen_by_soter, self.asked(len(self._seen_by_soter.robots)))
 
     def stall(self, robot_id: int, seconds: float) -> None:
-        """Let a robot's mux stand still; its base goes on."""
+        """Suspend a robot's mux for a time; its base goes on."""
         assert isinstance(self.simulator, ZenohSimulator)
         self.stopped(self.simulator.muxes[robot_id], seconds)
 
@@ -94,33 +94,33 @@ class ZenohHarness(RelayedHarness):
         return self.driven(f"{__name__}:open_given", config.model_dump_json(exclude={"workspace", "limits"}), target)
 
     def switchable(self) -> Switchable:
-        """Return a fleet of one fresh robot that no relay stands before; while it is switched it tells no truth."""
+        """Return a fleet of one fresh robot without a relay and without ground truth, to be switched off and on."""
         simulator = self._start(1)
         session = simulator.session
-        # A client of a router is found there; who is its own peer, where it was.
+        # A client is found again at its router; a peer must listen at its old endpoints again.
         again = session if session.mode == "client" else SessionOptions(listen=session.connect)
         config = _config(self.beside(session), None, simulator.namespaces)
         self.fleet = ZenohBackend().open(config, self.asked(1))
         return Switchable(self.fleet, self._end, lambda: self._start(1, again))
 
     def of_robots(self) -> SessionOptions:
-        """Return how the simulated world is reached."""
+        """Return the session options of the simulated world."""
         return SessionOptions()
 
     def beside(self, robots: SessionOptions) -> SessionOptions:
-        """Return how somebody else reaches the robots, whose own sessions beside the world are like this."""
+        """Return the options of another session with the robots, made of those of the muxes' sessions."""
         return robots
 
     def of_relay(self) -> SessionOptions:
-        """Return how SOTER reaches the relay."""
+        """Return the options of the relay's session with SOTER."""
         return SessionOptions()
 
     def to_relay(self, relay: ZenohRelay) -> SessionOptions:
-        """Return SOTER's own session."""
+        """Return the options of SOTER's own session."""
         return SessionOptions(connect=tuple(endpoints(relay.session)))
 
     def prefix(self) -> str:
-        """Return what stands before the keys of robots on SOTER's side of the relay."""
+        """Return the prefix of the robots' keys on SOTER's side of the relay."""
         return ""
 
     def _start(self, robots: int, session: SessionOptions | None = None) -> ZenohSimulator:
@@ -131,7 +131,7 @@ class ZenohHarness(RelayedHarness):
 
 
 class RoutedHarness(ZenohHarness):
-    """`ZenohHarness` through a router: every session is its client; the router is a process of its own."""
+    """A `ZenohHarness` whose sessions are all clients of one router, which is a process of its own."""
 
     name = "zenoh, routed"
 
@@ -168,7 +168,7 @@ class RoutedHarness(ZenohHarness):
 
 
 def open_given(argument: str) -> Fleet:
-    """Return the first robot, where it is as JSON; what the kit's driver process calls."""
+    """Open the first robot with options that are given as JSON; called in the kit's driver process."""
     config = ZenohConfig.model_validate({**json.loads(argument), "workspace": WIDE_ROOMS})
     return ZenohBackend().open(config, in_wide_rooms(1))
 

@@ -1,12 +1,11 @@
-"""The ROS messages that go over Zenoh, and CDR, which is what they are as bytes.
+"""The ROS messages that go over Zenoh, and their encoding, CDR.
 
-zenoh-bridge-ros2dds passes on what ROS 2 nodes send to each other, as it is: CDR version 1 behind a header of 4 bytes.
-These classes have the fields of the ROS messages of the same name, and `encode` writes byte for byte what rclpy writes,
-but for the gaps between fields, which are zero here and in ROS whatever its memory held. They import neither ROS 2 nor
-Zenoh. What a field means is said where the adapter reads it.
+zenoh-bridge-ros2dds passes the messages of ROS 2 nodes on unchanged: CDR version 1 behind a header of 4 bytes. These
+classes have the fields of the ROS messages of the same name, and `encode` writes byte for byte what rclpy writes,
+except for the gaps between fields, zero here and arbitrary in ROS. This module imports neither ROS 2 nor Zenoh.
 """
 
-# Without postponed annotations: pycdr2 reads the types of the fields when it makes a class.
+# No postponed annotations: pycdr2 reads the types of the fields when a class is made.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Final, TypeVar
@@ -16,7 +15,7 @@ from pycdr2._support import Buffer, Endianness  # what serialize() takes
 from pycdr2.types import array, float32, float64, int32, sequence, uint8, uint32
 
 MAX_BYTES: Final = 65536
-"""No message here is longer, which bounds every text and list in it; what is longer is not even looked at."""
+"""Longest message, which bounds every text and list in it; longer payloads are refused unread."""
 
 _HEADER_BYTES: Final = 4
 _MOST_PADDING_BYTES: Final = 3  # DDS fills payloads up to a multiple of four
@@ -26,7 +25,7 @@ _Floats = Annotated[Sequence[float], sequence(float32)]
 
 
 class Foreign(ValueError):
-    """A payload is not the message that it should be; the message says how that is known."""
+    """A payload is not a message of the expected kind; the error's text says how that is known."""
 
 
 def _zeros() -> list[float]:
@@ -99,7 +98,7 @@ class Point(IdlStruct):
 
 @dataclass(frozen=True)
 class Quaternion(IdlStruct):
-    """geometry_msgs/Quaternion; the default turns nothing."""
+    """geometry_msgs/Quaternion; the default is no rotation."""
 
     x: float64 = 0.0
     y: float64 = 0.0
@@ -173,10 +172,10 @@ def encode(message: Message) -> bytes:
     """Return a message as CDR, in the byte order of nearly all computers, little endian. From any thread.
 
     Raises:
-        ValueError: a value does not fit its field, or it would be longer than `MAX_BYTES`.
+        ValueError: a value does not fit its field, or the message is longer than `MAX_BYTES`.
     """
     try:
-        # A buffer of its own: pycdr2 otherwise has one for each kind, which two threads would both write to.
+        # A new buffer: pycdr2's own buffer of a kind could be written to by two threads.
         payload = message.serialize(buffer=Buffer(), endianness=Endianness.Little)
     except Exception as failure:
         cause = failure.__cause__ or failure
@@ -187,12 +186,12 @@ def encode(message: Message) -> bytes:
 
 
 def decode(kind: type[Message], payload: bytes) -> Message:
-    """Return the message of a kind that a payload is. From any thread; whatever the payload, at a bounded cost.
+    """Return a payload as a message of a kind. From any thread; the cost is bounded for any payload.
 
-    Numbers come as they are, infinite and NaN ones too: whether they can be meant is for the caller to judge.
+    Numbers come as they are, infinite and NaN ones too, which the caller has to check.
 
     Raises:
-        Foreign: it is none.
+        Foreign: the payload is no message of this kind.
     """
     name, length = kind.__name__, len(payload)
     if length > MAX_BYTES:
@@ -202,16 +201,16 @@ def decode(kind: type[Message], payload: bytes) -> Message:
     try:
         message = kind.deserialize(payload)
         expected = len(message.serialize(buffer=Buffer()))
-    except Exception as failure:  # a decoder that does not expect strangers raises what it comes across
+    except Exception as failure:  # on foreign bytes the decoder raises anything
         raise Foreign(f"{length} bytes that are no {name}: {type(failure).__name__}: {failure}") from failure
-    # Of other messages the beginning may well be a message of this kind.
+    # Another message may begin like a message of this kind.
     if not expected <= length <= expected + _MOST_PADDING_BYTES:
         raise Foreign(f"{length} bytes, as a {name} it would have {expected}")
     return message
 
 
-# pycdr2 makes what reads and writes a kind when it is first used, and says that it is there before it is: of two
-# threads the second one would take a good message for a foreign one. Here there is one thread.
+# pycdr2 makes the reader and writer of a kind at its first use, and marks them as ready too early: a second thread
+# would take a good message for a foreign one. At import there is only one thread.
 for _kind in KINDS:
     _made: Any = _kind
     decode(_made, encode(_made()))

@@ -1,11 +1,11 @@
-"""The mux on keys: lets one of two controllers drive a robot, and stops it when SOTER falls silent.
+"""The mux on Zenoh keys: lets one of two controllers drive a robot, and stops it when SOTER falls silent.
 
 `soter zenoh-mux --robot NAME --connect E`, or `python -m soter.adapters.zenoh.mux`. It runs on the robot, beside
-zenoh-bridge-ros2dds or whatever else puts the robot's base on keys.
+zenoh-bridge-ros2dds or another program that puts the robot's base on keys.
 
-It passes `cmd_vel_ac` or `cmd_vel_sc` on to `cmd_vel`, as `soter/order` says, and tells on `soter/gate` what it does:
-at every order that it takes, at every change, and otherwise every 0.25 s. While the lease is dead, or the controller in
-charge is silent, it says rest.
+It passes `cmd_vel_ac` or `cmd_vel_sc` on to `cmd_vel`, by the latest `soter/order`, and reports its state on
+`soter/gate`: at every order that it takes, at every change, and at least every 0.25 s. While the lease is dead, or the
+active controller is silent, it publishes rest.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from soter.onboard.wire import AC, SC
 logger = logging.getLogger(__name__)
 
 _REPORT_S: Final = 0.25
-"""Whoever comes later, or did not hear the last report, has not to wait longer for one."""
+"""Longest time between two reports, for subscribers that come later or missed one."""
 
 
 class ZenohGateNode(GateNode):
-    """The gate of one robot at work on keys. What is heard, and the looks, come from threads of their own, in turn.
+    """Connects the gate of one robot with Zenoh keys. Messages and looks come from several threads, one at a time.
 
     Args:
-        session: to hear and say over; somebody else's to close.
-        keys: of the robot, in full.
-        gate: of the robot.
-        namespace: of the robot, where it is said to be there.
-        clock: the key of the robot's clock; None for that of this host.
+        session: an open session, which the caller closes.
+        keys: the robot's keys, in full.
+        gate: the robot's gate.
+        namespace: the robot's namespace, under which the mux announces itself.
+        clock: the key of the robot's clock; None for the clock of this host.
         stamped: whether velocities are TwistStamped.
-        rate: seconds of the robot's clock by second of the host.
+        rate: seconds of the robot's clock per host second.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class ZenohGateNode(GateNode):
             super().report()
 
     def run(self, ended: Callable[[], bool]) -> None:
-        """Look and report, until it is to end; then say rest, and nothing any more."""
+        """Look and report until `ended` returns True; then publish rest, and nothing more."""
         due_s = report_s = time.monotonic()
         try:
             while not ended():
@@ -158,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def connections(session: Any, robot: str) -> str:
-    """Return in words to what the mux of a robot is connected now."""
+    """Return in words what the mux of a robot is connected to now."""
     routers, peers = (len(list(each())) for each in (session.info.routers_zid, session.info.peers_zid))
     if not routers and not peers:
         return f"{robot}: a Zenoh session is open, and no other program is in it yet"

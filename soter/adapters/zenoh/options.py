@@ -23,19 +23,19 @@ Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
 
 
 def check_key(key: str) -> None:
-    """Refuse what is no key of one thing.
+    """Check that a text is a key, and no pattern.
 
     Raises:
-        ValueError: it begins or ends with a slash, or is a pattern.
+        ValueError: the text begins or ends with a slash, or is a pattern.
     """
     if not _KEY.fullmatch(key):
         raise not_allowed("a key such as robot1/odom, without a slash at either end and without * $ ? #")
 
 
 class Keys(MessageNames):
-    """Where the messages of a robot are: below its namespace, or with a leading slash, which is no part of the key.
+    """The keys of a robot's messages, below its namespace; with a leading slash, which is dropped, full keys.
 
-    These are the names of the ROS topics, as zenoh-bridge-ros2dds has them.
+    These are the names of the ROS topics, as zenoh-bridge-ros2dds maps them.
     """
 
     check = staticmethod(lambda name: check_key(name.removeprefix("/")))
@@ -48,7 +48,7 @@ class Keys(MessageNames):
 
 
 class ZenohRobotOptions(PlaceOptions):
-    """Where one robot is; its namespace is what its keys begin with, such as robot1."""
+    """The place of one robot; its namespace is the beginning of its keys, such as robot1."""
 
     check = staticmethod(check_key)
 
@@ -57,10 +57,10 @@ class ZenohConfig(VelocityControlledConfig):
     """Options of the backend `zenoh`, besides those of `VelocityControlledConfig`.
 
     Attributes:
-        robots: by number, where the robots are; where none is given, simulated ones are started.
-        keys: what their keys are called.
-        session: how Zenoh is reached.
-        speedup: seconds of the robots in one second of the host; for simulated ones only.
+        robots: by number, the places of the robots; if empty, simulated robots are started.
+        keys: the keys of their messages.
+        session: options of the Zenoh session.
+        speedup: robot seconds per host second; for simulated robots only.
     """
 
     robots: dict[int, ZenohRobotOptions] = Field(default_factory=dict)
@@ -76,7 +76,7 @@ class ZenohConfig(VelocityControlledConfig):
         return session
 
     def promised(self) -> Capabilities:
-        """Return what the robots promise: times are in fleet time, of which a host second has `speedup`."""
+        """Return the robots' promise; times are in fleet time, `speedup` seconds of which pass in a host second."""
         declared, speedup = super().promised(), self.speedup
         return replace(
             declared,

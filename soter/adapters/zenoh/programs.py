@@ -1,4 +1,4 @@
-"""What programs that open a session have in common: what they are told about it, and how they refuse."""
+"""Common parts of programs that open a session: its command-line options, and error messages."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from soter.problems import read_limited
 
 
 def positive(text: str) -> float:
-    """Read a number above 0, for an option of a parser.
+    """Return the number above 0 in a text, for an option of a parser.
 
     Raises:
-        argparse.ArgumentTypeError: it is none.
+        argparse.ArgumentTypeError: the text is no such number.
     """
     try:
         value = float(text)
@@ -32,7 +32,7 @@ def positive(text: str) -> float:
 
 
 def add_session(parser: argparse.ArgumentParser) -> None:
-    """Let a program be told how to open its session."""
+    """Add the options of a session to a parser."""
     parser.add_argument(
         "--session", type=Path, metavar="FILE",
         help="how Zenoh is reached: the keys of [backends.zenoh.session], as TOML or, in a file.json, as JSON",
@@ -43,10 +43,10 @@ def add_session(parser: argparse.ArgumentParser) -> None:
 
 
 def read_session(given: argparse.Namespace) -> SessionOptions:
-    """Return what a program was told by the options of `add_session`.
+    """Return the session options from the command line, see `add_session`.
 
     Raises:
-        ConfigError: it is not allowed; the message lists all that is wrong.
+        ConfigError: an option is not allowed; the message lists all that is wrong.
     """
     return session_options(given.session, mode=given.mode, listen=given.listen, connect=given.connect)
 
@@ -55,11 +55,11 @@ def session_options(file: Path | None, **told: object) -> SessionOptions:
     """Return the options of a session.
 
     Args:
-        file: where they are, or None.
-        told: options in place of those of the file; None is nothing told.
+        file: a file with options, or None.
+        told: options that replace those of the file; None does not replace.
 
     Raises:
-        ConfigError: one is not allowed; the message lists all that is wrong.
+        ConfigError: an option is not allowed; the message lists all that is wrong.
     """
     raw = {} if file is None else _read(file)
     raw |= {name: value for name, value in told.items() if value is not None}
@@ -80,7 +80,7 @@ def _read(file: Path) -> dict[str, object]:
 
 @contextmanager
 def refusing(parser: argparse.ArgumentParser) -> Iterator[None]:
-    """End a program with its own error message, and code 2, where what it was told cannot be done."""
+    """End a program with an error message and code 2 at a `SoterError`."""
     try:
         yield
     except SoterError as failure:

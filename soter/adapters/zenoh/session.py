@@ -1,9 +1,9 @@
-"""Opening Zenoh sessions, and what a session is given that nobody said anything about.
+"""Opens Zenoh sessions with safe defaults.
 
-Zenoh's own defaults listen on all interfaces and look for others by multicast. Here a session listens on loopback
-unless told otherwise, finds others by their endpoints and by what those know of, and by nothing else.
+Zenoh's own defaults listen on all interfaces, and look for others by multicast. Here a session listens on loopback
+unless told otherwise, and finds others only by their endpoints, and by the peers that those know.
 
-Zenoh only says that an endpoint is not reached; why, a second try by hand tells.
+Zenoh reports only that an endpoint is not reached; a second connection, made here, finds out why.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ALERT_S: Final = 0.5
 
 
 def why_not_reached(endpoint: Endpoint, tls: TlsOptions | None) -> str:
-    """Return the likely cause why a session got no link to an endpoint, and what to do about it."""
+    """Return the likely reason why a session got no link to an endpoint, and what to do about it."""
     try:
         with socket.create_connection((endpoint.host, endpoint.port), timeout=_TRY_S) as connected:
             if endpoint.protocol == "tls" and tls is not None:
@@ -55,13 +55,13 @@ def why_not_reached(endpoint: Endpoint, tls: TlsOptions | None) -> str:
 
 
 def _shake_hands(connected: socket.socket, host: str, tls: TlsOptions) -> None:
-    """Encrypt as the session would."""
+    """Make a TLS connection with the session's certificates."""
     context = ssl.create_default_context(cafile=tls.root_ca)
     context.check_hostname = tls.verify_name
     if tls.certificate is not None:
         context.load_cert_chain(tls.certificate, tls.private_key)
     with context.wrap_socket(connected, server_hostname=host) as encrypted:
-        # That a certificate is missing or not believed is told only after the handshake.
+        # The other end refuses a missing or unknown certificate only after the handshake.
         encrypted.settimeout(_ALERT_S)
         try:
             encrypted.recv(1)
@@ -86,21 +86,21 @@ _open: Final[dict[str, zenoh.Session]] = {}
 
 @atexit.register
 def _close_all() -> None:
-    """Close what is still open: threads of Zenoh that live on while the interpreter goes may take the process down."""
+    """Close the open sessions: threads of Zenoh that still run while the interpreter ends may crash the process."""
     for session in [*_open.values()]:
         _close(session)
 
 
 def open_session(options: SessionOptions) -> zenoh.Session:
-    """Open a session. A client waits for a router; others are there at once, and connect as soon as they can.
+    """Return an open session. A client waits for a router; others open at once, and connect as soon as they can.
 
-    Links that break are made anew without end, and what was declared holds on for them. It is open until
-    `close_session`, or the program ends.
+    Broken links are tried again without end, and declarations hold for new links. The session is open until
+    `close_session`, or the end of the program.
 
     Raises:
         BackendUnavailable: Zenoh is not installed.
-        ConfigError: there is no password where it should be.
-        RobotUnavailable: it cannot listen or, for a client, not connect; the message says why, and what to do.
+        ConfigError: a password is missing.
+        RobotUnavailable: the session cannot listen or, a client, not connect; the message says why, and what to do.
     """
     try:
         import zenoh
@@ -125,10 +125,10 @@ def open_session(options: SessionOptions) -> zenoh.Session:
 
 
 def close_session(session: zenoh.Session) -> None:
-    """Close a session, whatever has become of those that it has links to. Idempotent.
+    """Close a session within two seconds, even if other ends of its links hang. Idempotent.
 
-    Zenoh waits ten seconds for somebody who does not read any more, and then fails. What is left after two goes on by
-    itself, in a thread of its own; nothing is heard or published any more.
+    Zenoh waits ten seconds for another end that no longer reads, and then fails. After two seconds the rest goes on in
+    a background thread; nothing is heard or published any more.
     """
     closing = threading.Thread(target=_close, args=(session,), name="zenoh-close", daemon=True)
     closing.start()
@@ -146,10 +146,10 @@ def _close(session: zenoh.Session) -> None:
 
 
 def endpoints(session: zenoh.Session) -> list[str]:
-    """Return where a session listens, with the ports that it was given; empty for a client.
+    """Return the endpoints at which a session listens, with their actual ports; empty for a client.
 
     Raises:
-        RobotUnavailable: it does not say.
+        RobotUnavailable: the session does not tell its endpoints.
     """
     for reply in session.get(f"@/{session.zid()}/*", timeout=_ADMIN_S):
         if reply.ok is not None:
@@ -175,23 +175,23 @@ def _settings(options: SessionOptions) -> dict[str, Any]:
             "period_increase_factor": 2.0,
         },
         "scouting/multicast/enabled": False,
-        # How long opening waits for the first link, at most.
+        # Longest time that opening waits for the first link.
         "scouting/delay": _SCOUT_MS if options.connect else 0,
-        # How peers of one peer learn of each other; they need links among themselves.
+        # Peers of one peer learn of each other by gossip; they need links among themselves.
         "scouting/gossip/enabled": True,
-        # Says where the session listens. Nobody may change anything by it.
+        # The admin space tells where the session listens. It is read only.
         "adminspace/enabled": True,
         "adminspace/permissions": {"read": True, "write": False},
         "transport/shared_memory/enabled": False,
         "transport/unicast/open_timeout": timeout_ms,
         "transport/unicast/accept_timeout": timeout_ms,
         "transport/link/tx/lease": round(1000.0 * options.lease_s),
-        # What may be dropped is dropped at once: no caller waits for a slow network.
+        # Droppable messages are dropped at once: no caller waits for a slow network.
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
         "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 0,
     }
     if options.mode != "router":
-        # By default a gigabyte. What a router passes on is others' business.
+        # By default a gigabyte. A router does not limit the messages that it passes on.
         settings["transport/link/rx/max_message_size"] = _MOST_HEARD_BYTES
     if options.username is not None:
         settings["transport/auth/usrpwd/user"] = options.username

@@ -1,4 +1,4 @@
-"""What may be said about a Zenoh session: where it listens and connects to, encryption, passwords."""
+"""Options of a Zenoh session: endpoints, encryption, passwords."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from soter.errors import ConfigError
 from soter.problems import not_allowed
 
 PROTOCOLS: Final = ("tcp", "tls")
-# Zenoh has more, and settings behind `?` and `#`. Those of UDP open a socket on all interfaces even to connect.
+# Zenoh has more protocols, and settings behind `?` and `#`. UDP opens a socket on all interfaces even to connect.
 _FORMS: Final = "tcp/HOST:PORT or tls/HOST:PORT"
 
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """One side of a link, where a session listens or connects to: `tcp/HOST:PORT` or `tls/HOST:PORT`.
+    """An endpoint to listen at or connect to: `tcp/HOST:PORT` or `tls/HOST:PORT`.
 
     Attributes:
         protocol: "tcp" or "tls".
-        host: a name or an address; one of IPv6 without brackets.
-        port: 0 is any free one.
+        host: a name or an address; an IPv6 address without brackets.
+        port: 0 for any free port.
     """
 
     protocol: str
@@ -36,10 +36,10 @@ class Endpoint:
 
     @staticmethod
     def parse(text: str) -> Endpoint:
-        """Read an endpoint as Zenoh writes it, such as `tcp/127.0.0.1:7447` or `tls/[::1]:7447`.
+        """Return the endpoint in a text in Zenoh's form, such as `tcp/127.0.0.1:7447` or `tls/[::1]:7447`.
 
         Raises:
-            ValueError: it is none, or one that is not allowed here; the message says what is allowed.
+            ValueError: the text is no endpoint that is allowed here; the message says what is allowed.
         """
         protocol, slash, rest = text.partition("/")
         host, colon, number = rest.rpartition(":")
@@ -58,7 +58,7 @@ class Endpoint:
 
     @property
     def address(self) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-        """Its address, an IPv4 address where it is one in the dress of IPv6; None where it has a name."""
+        """The host's address, an IPv4-mapped IPv6 address as IPv4; None if the host is a name."""
         try:
             found = ipaddress.ip_address(self.host)
         except ValueError:
@@ -68,12 +68,12 @@ class Endpoint:
 
     @property
     def is_local(self) -> bool:
-        """Whether nobody beyond this host has to do with it."""
+        """Whether the endpoint is on this host."""
         return self.host == "localhost" or (self.address is not None and self.address.is_loopback)
 
 
 DEFAULT_PORT: Final = 7447
-"""Where a router listens, as everywhere with Zenoh."""
+"""A router's default port, as with Zenoh in general."""
 
 
 def _readable(path: Path) -> Path:
@@ -85,14 +85,14 @@ def _readable(path: Path) -> Path:
 
 
 class TlsOptions(BaseModel, extra="forbid", frozen=True):
-    """How links are encrypted, and who may have one.
+    """Encryption of links, and the certificates that it needs.
 
     Attributes:
-        root_ca: the certificates of the authorities that are believed, in PEM; nobody else's count.
-        certificate: this session's own, in PEM, for both ends of links.
-        private_key: that of the certificate, in PEM, without a passphrase.
-        mutual: peers that connect to this session must show a certificate too.
-        verify_name: the host that is connected to must be named in the certificate that it shows.
+        root_ca: the certificates of the only trusted authorities, in PEM.
+        certificate: this session's own certificate, in PEM, for both ends of links.
+        private_key: the certificate's private key, in PEM, without a passphrase.
+        mutual: whether sessions that connect to this one must show a certificate too.
+        verify_name: whether the certificate of a host that is connected to must name the host.
     """
 
     root_ca: Path
@@ -128,7 +128,7 @@ class TlsOptions(BaseModel, extra="forbid", frozen=True):
         if certificate is None:
             raise not_allowed("none without a certificate")
         try:
-            # A passphrase that is wrong, lest OpenSSL asks for one on the terminal.
+            # An empty passphrase, so that OpenSSL does not ask for one on the terminal.
             ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, _readable(path), password="")
         except (ssl.SSLError, ValueError) as failure:
             reason = getattr(failure, "reason", None) or "it does not belong to it"
@@ -146,23 +146,23 @@ class TlsOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class SessionOptions(BaseModel, extra="forbid", frozen=True):
-    """What may be said about a session.
+    """Options of a session.
 
     Attributes:
-        mode: a "peer" talks with peers that it has a link to; a "client" talks through a router; a "router" passes on
-            what its clients say to each other. Routers do not pass on between peers.
-        tls: encrypts all links; without it there are no encrypted ones.
-        unencrypted: lets links that leave this host do without, where the network itself is closed.
-        allow_all_interfaces: lets it listen on 0.0.0.0 and [::].
-        listen: where others can connect to; default for a peer: any port of 127.0.0.1, with TLS and without a
-            certificate of its own nowhere; for a router: port 7447 of 127.0.0.1.
-        connect: where to connect to. A client needs one; it connects to the first that answers, others to all.
-        username: by which it is known where it connects to.
-        password_file: the first line is its password.
-        password_env: the environment variable with its password, instead.
-        users_file: who may connect, as `NAME:PASSWORD`, a line each; without it names are not asked for.
-        open_timeout_s: how long a client waits for a router at first, and everybody for a link.
-        lease_s: a link over which nothing comes for so long is given up and made anew.
+        mode: a "peer" talks with peers that it has a link to; a "client" talks through a router; a "router" passes
+            messages on between its clients, but not between peers.
+        tls: encrypts all links; without it no link is encrypted.
+        unencrypted: whether links that leave this host may be unencrypted, for a network that is closed itself.
+        allow_all_interfaces: whether the session may listen on 0.0.0.0 and [::].
+        listen: endpoints to listen at. Default for a peer: any port of 127.0.0.1, but none with TLS and without a
+            certificate of its own; for a router: port 7447 of 127.0.0.1.
+        connect: endpoints to connect to. A client needs one, and connects to the first that answers; others to all.
+        username: this session's name at the endpoints that it connects to.
+        password_file: a file whose first line is the password.
+        password_env: an environment variable with the password, instead of a file.
+        users_file: who may connect, one `NAME:PASSWORD` per line; without it no names are required.
+        open_timeout_s: how long a client waits for its first router, and any session for a link.
+        lease_s: time of silence after which a link is given up and made anew.
     """
 
     mode: Literal["peer", "client", "router"] = "peer"
@@ -228,15 +228,15 @@ class SessionOptions(BaseModel, extra="forbid", frozen=True):
             raise not_allowed("a text file, NAME:PASSWORD a line") from failure
         wrong = next((number for number, line in enumerate(lines, 1) if not re.fullmatch(r"[^:\s]+:\S+", line)), None)
         if wrong is not None or not lines:
-            # The line itself may be a password.
+            # The message does not quote the line, which may hold a password.
             raise not_allowed("NAME:PASSWORD a line; " + ("there is none" if not lines else f"line {wrong} is none"))
         return path
 
     def read_password(self) -> str | None:
-        """Return the password, or None where no username is given.
+        """Return the password, or None without a username.
 
         Raises:
-            ConfigError: there is none where it should be.
+            ConfigError: the password is missing.
         """
         if self.username is None:
             return None
@@ -256,7 +256,7 @@ class SessionOptions(BaseModel, extra="forbid", frozen=True):
 
     @property
     def listens_at(self) -> tuple[str, ...]:
-        """Where it listens, by default or as it was told."""
+        """The endpoints to listen at: the given ones, or the default."""
         if self.listen or self.mode == "client":
             return self.listen
         if self.tls is not None and self.tls.certificate is None:
@@ -266,7 +266,7 @@ class SessionOptions(BaseModel, extra="forbid", frozen=True):
 
 
 def _not_encrypted(endpoint: Endpoint, given: dict[str, Any]) -> str | None:
-    """Return what is allowed instead, if an endpoint lacks the encryption that it should have, or cannot have it."""
+    """Return what is allowed instead of an endpoint that lacks encryption, or cannot have it; None if it is allowed."""
     if "tls" not in given:
         return None
     if endpoint.protocol == "tls":
@@ -281,7 +281,7 @@ def _not_encrypted(endpoint: Endpoint, given: dict[str, Any]) -> str | None:
 def _not_to_listen_on(endpoint: Endpoint, given: dict[str, Any]) -> str | None:
     address = endpoint.address
     if address is None and endpoint.host != "localhost":
-        # Names such as "0" mean all interfaces too.
+        # Names such as "0" stand for all interfaces too.
         return "an address of this host, such as 127.0.0.1"
     if address is not None and address.is_multicast:
         return "an address of this host, and no multicast"

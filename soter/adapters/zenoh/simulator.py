@@ -1,4 +1,4 @@
-"""Starts simulated robots on keys: a world and, for each robot, the mux, in processes of their own; and ends them."""
+"""Starts and ends simulated robots on Zenoh: a world and, for each robot, a mux, in processes of their own."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from soter.sdk import RobotSpec, RuleLimits
 
 
 class ZenohSimulator(VelocityControlledSimulator):
-    """A world in real time as robots on keys, each with its mux. On this host only, unless told otherwise.
+    """Robots on Zenoh keys simulated in real time, each with its mux. On this host only, unless told otherwise.
 
     Args:
         workspace: fence, boxes, chargers.
-        robots: its robots.
-        session: how the world is reached; the muxes are peers or clients beside it.
+        robots: the robots.
+        session: options of the world's session; the muxes are peers or clients beside it.
         stamped: whether velocities are TwistStamped.
-        speedup: seconds of the world in one of the host.
-        truth_port: where the world tells the truth; 0 for any port that is free.
-        private: whether all sessions know each other by a name and a password of this world's own, unless the
-            session's options say how others reach it.
-        limits: what the mission promises, which the truth is judged by.
+        speedup: world seconds per host second.
+        truth_port: the port of the ground truth; 0 for any free port.
+        private: whether all sessions must know a name and a password of this world's own, unless `session` has options
+            of its own.
+        limits: the mission's limits, by which the ground truth is judged.
 
     Attributes:
-        session: how somebody else gets in touch with the robots.
+        session: options of a session that connects to the robots.
 
     Raises:
-        RobotUnavailable: it does not start.
+        RobotUnavailable: the simulation does not start.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class ZenohSimulator(VelocityControlledSimulator):
         private: bool = False,
         limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
     ) -> None:
-        # Readable for this user only; what is boxed in cannot read it either.
+        # Only this user can read the folder, and sandboxed processes cannot.
         self._folder: Final = Scratch("zenoh")
         if private and session == SessionOptions(open_timeout_s=session.open_timeout_s, lease_s=session.lease_s):
             session = self._private(session)
@@ -79,9 +79,9 @@ class ZenohSimulator(VelocityControlledSimulator):
         self._folder.close()
 
     def _private(self, session: SessionOptions) -> SessionOptions:
-        """Return a session with a name and a password, drawn at random, that a peer must know to connect.
+        """Return session options with a random name and password, which others must know to connect.
 
-        It is a router, so that nobody else listens: among peers everybody would have to be asked for the password.
+        The session is a router, so that no other session listens: among peers each one would have to check passwords.
         """
         name, password = secrets.token_hex(8), secrets.token_hex(16)
         return session.model_copy(update={
@@ -100,9 +100,9 @@ class ZenohSimulator(VelocityControlledSimulator):
 
 
 def _beside(world: SessionOptions, endpoints: Sequence[str]) -> SessionOptions:
-    """Return how to get in touch with a world, which listens there, and with its muxes."""
+    """Return the options of a session that connects to a world at these endpoints, and to its muxes."""
     if world.mode == "client":
         return world
-    # A peer finds the other peers of a peer by itself; between clients a router has to pass on.
+    # A peer finds the other peers of a peer by itself; clients reach each other through a router.
     mode = "client" if world.mode == "router" else "peer"
     return world.model_copy(update={"mode": mode, "listen": (), "connect": tuple(endpoints), "users_file": None})

@@ -1,4 +1,4 @@
-"""Hearing and saying messages on keys, so that nothing that is wrong with one is lost, and nothing waits."""
+"""Receives and sends messages on Zenoh keys, without waiting, and with all failures counted."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ _listening: Final[WeakSet[Listener]] = WeakSet()
 
 @atexit.register
 def _end_all() -> None:
-    """End what still listens: a thread that waits in Zenoh when the interpreter goes takes the whole process down."""
+    """End all listeners: a thread that waits in Zenoh while the interpreter ends crashes the whole process."""
     for listener in [*_listening]:
         listener.close()
 
 
 class Listener:
-    """Hands on what a subscriber gets, in a thread of its own, until it or its session is closed.
+    """Hands on the samples of a subscriber, in a thread of its own, until it or its session is closed.
 
-    Zenoh swallows what a callback raises. What `take` raises here is logged, the first time, and counted.
+    Zenoh swallows exceptions of a callback. Here exceptions of `take` are counted, and the first is logged.
 
     Args:
-        subscriber: with a handler that can be waited at.
+        subscriber: with a handler whose `recv` blocks.
         take: called with each sample, in the listener's thread.
 
     Attributes:
-        failed: how many samples `take` could not take.
+        failed: on how many samples `take` has raised.
     """
 
     def __init__(self, subscriber: Any, take: Callable[[zenoh.Sample], object]) -> None:
         self.failed = 0
         self._subscriber: Final = subscriber
-        # By itself: while somebody waits at the subscriber, it cannot be ended.
+        # The handler, not the subscriber: a subscriber whose `recv` waits cannot be ended.
         self._samples: Final = subscriber.handler
         self._take: Final = take
         self._name: Final = str(subscriber.key_expr)
@@ -53,7 +53,7 @@ class Listener:
         self._thread.start()
 
     def close(self) -> None:
-        """Hear no more, and wait for the thread. Idempotent; not to be called from that thread."""
+        """End the subscription, and wait for the thread. Idempotent; not to be called from that thread."""
         if not self._thread.is_alive():
             return
         try:
@@ -78,16 +78,16 @@ class Listener:
 
 
 class Ear(Listener, Generic[Message]):
-    """Hears one key in a thread of its own, and always the newest message: what comes too fast is skipped.
+    """Receives the messages of one key in a thread of its own, always the newest: older ones are skipped.
 
     A payload that is no such message is counted and dropped; the first is logged.
 
     Args:
-        session: to hear over; once it is closed, nothing is heard any more.
-        key: what to hear.
-        kind: the message that it carries.
+        session: an open session; once it is closed, nothing is heard any more.
+        key: the key.
+        kind: the kind of its messages.
         take: called with each message, in the ear's thread.
-        elsewhere_only: whether to leave out what this session says itself.
+        elsewhere_only: whether to leave out this session's own messages.
 
     Attributes:
         heard: how many messages came.
@@ -126,17 +126,17 @@ class Ear(Listener, Generic[Message]):
 
 
 class Voice:
-    """Says messages on one key, each soon or never: what a congested link cannot take is dropped. From any thread."""
+    """Sends messages on one key without delay; a congested link drops them. From any thread."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self.key: Final = key
-        # Not express: each message would fill one of the few places of the queue by itself.
+        # Not express: each message would fill one of the few places of the queue.
         self._publisher: Final = session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
         )
 
     def say(self, message: Any) -> None:
-        """Say a message, one of `messages.KINDS`. Never waits.
+        """Send a message, one of `messages.KINDS`. Never waits.
 
         Raises:
             RobotUnavailable: the session is closed.
@@ -145,7 +145,7 @@ class Voice:
         self.say_bytes(encode(message))
 
     def say_bytes(self, payload: bytes) -> None:
-        """Say a message that is encoded already.
+        """Send a message that is encoded already.
 
         Raises:
             RobotUnavailable: the session is closed.
@@ -153,7 +153,7 @@ class Voice:
         try:
             self._publisher.put(payload)
         except zenoh.ZError as failure:
-            raise RobotUnavailable(f"{self.key}: nothing can be said any more: {failure}") from failure
+            raise RobotUnavailable(f"{self.key}: nothing can be sent any more: {failure}") from failure
 
 
 _ALIVE: Final = "soter/alive"
@@ -161,22 +161,22 @@ _AT_ONCE: Final = 64
 
 
 def announce(session: zenoh.Session, namespace: str, who: str) -> zenoh.LivelinessToken:
-    """Say that somebody, such as the "mux", is there for a robot, for as long as the session lives."""
+    """Announce a program of a robot, such as its "mux", for as long as the session lives."""
     return session.liveliness().declare_token(f"{namespace}/{_ALIVE}/{who}")
 
 
 class Presence(Listener):
-    """Who says to be there for one robot, heard of in a thread of its own.
+    """The announced programs of one robot, received in a thread of its own.
 
-    Zenoh takes a token away when its owner's session ends or its link breaks. It tells people who is missing and who
-    has gone. No decision rests on it: the token of a program that hangs stays.
+    Zenoh removes the announcement of a program when its session ends or its link breaks. It is only used in messages
+    to users. No decision depends on it: the announcement of a program that hangs stays.
 
     Args:
-        session: to hear over; once it is closed, nothing is heard any more.
-        namespace: of the robot.
+        session: an open session; once it is closed, nothing is heard any more.
+        namespace: the robot's namespace.
 
     Attributes:
-        there: their names, such as "mux" and "base".
+        there: the names of the programs, such as "mux" and "base".
     """
 
     def __init__(self, session: zenoh.Session, namespace: str) -> None:
@@ -196,7 +196,7 @@ class Presence(Listener):
 
 
 def make_velocity(forward_m_s: float, turn_rad_s: float, stamp: Time | None = None) -> Twist | TwistStamped:
-    """Return a velocity as a message: a TwistStamped where there is a stamp."""
+    """Return a velocity as a message: a TwistStamped if there is a stamp."""
     twist = Twist(Vector3(x=forward_m_s), Vector3(z=turn_rad_s))
     return twist if stamp is None else TwistStamped(Header(stamp), twist)
 
@@ -209,14 +209,14 @@ def hear_velocity(
     stamped: bool,
     elsewhere_only: bool = False,
 ) -> Ear[Twist] | Ear[TwistStamped]:
-    """Hear velocities on a key.
+    """Return an ear for velocities on a key.
 
     Args:
-        session: to hear over.
-        key: where.
-        take: called with each, in m/s along the heading and rad/s counter-clockwise, in the ear's thread.
-        stamped: whether they are TwistStamped.
-        elsewhere_only: whether to leave out what this session says itself.
+        session: an open session.
+        key: the key.
+        take: called with each velocity, in m/s along the heading and rad/s counter-clockwise, in the ear's thread.
+        stamped: whether velocities are TwistStamped.
+        elsewhere_only: whether to leave out this session's own messages.
     """
 
     def take_twist(twist: Twist) -> None:
@@ -228,6 +228,6 @@ def hear_velocity(
 
 
 def stamp_of(clock_s: float) -> Time:
-    """Return a time as messages have it."""
+    """Return a time in seconds as a message's stamp."""
     seconds, nanoseconds = divmod(round(clock_s * 1e9), 1_000_000_000)
     return Time(seconds, nanoseconds)

@@ -1,4 +1,4 @@
-"""All that goes between SOTER and one robot on keys."""
+"""All messages between SOTER and one robot on Zenoh keys."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from soter.adapters.zenoh.talk import Ear, Presence, Voice, announce, hear_veloc
 from soter.onboard.wire import AC, SC
 
 KEPT_S: Final = 1.0
-"""A mux passes nothing on that is older, wherever it waited."""
+"""A mux passes on no velocity that is older than this, wherever it waited."""
 
 _ROUNDING: Final = 1e-6
 
 
 class Said:
-    """What was asked for of late and a mux may pass on, by which velocities of others are told. Any threads."""
+    """The recent velocities that a mux may pass on, to tell other programs' velocities from. From any thread."""
 
     def __init__(self) -> None:
         self._said: Final[deque[tuple[float, float, float]]] = deque(maxlen=400)
 
     def note(self, forward_m_s: float, turn_rad_s: float, now_s: float) -> None:
-        """Note a velocity that was asked for."""
+        """Note a velocity that was sent to the mux."""
         self._said.append((now_s, forward_m_s, turn_rad_s))
 
     def explains(self, forward_m_s: float, turn_rad_s: float, now_s: float) -> bool:
-        """Return whether a velocity is rest, or one that was asked for of late, which a mux may have limited."""
+        """Return whether a velocity is rest, or a recently noted one, which the mux may have limited."""
         if not forward_m_s and not turn_rad_s:
             return True
         return any(
@@ -51,12 +51,12 @@ logger = logging.getLogger(__name__)
 
 
 class Wire:
-    """What is heard of a robot, what it is told, and who says to be there.
+    """The messages from and to one robot, and the programs that are announced for it.
 
     Attributes:
-        keys: of the robot, in full.
-        presence: who is there.
-        ears: by what `Keys` calls what they hear. That of `cmd_vel_sc` hears only what others say there.
+        keys: the robot's keys, in full.
+        presence: the announced programs.
+        ears: by the name of the key in `Keys`. That of `cmd_vel_sc` hears only other sessions.
     """
 
     def __init__(self, session: zenoh.Session, config: ZenohConfig, namespace: str, who: str) -> None:
@@ -79,7 +79,7 @@ class Wire:
         take_battery: Callable[[BatteryState], object],
         take_report: Callable[[str], object],
     ) -> None:
-        """Hand on what is heard from now on, each kind in a thread of its own."""
+        """Call the functions with the robot's messages from now on, each kind in a thread of its own."""
         session, keys, ears = self._session, self.keys, self.ears
         ears["cmd_vel_sc"] = self._hear_velocity(keys.cmd_vel_sc, self._warn_of_forger)
         ears["gate"] = Ear(session, keys.gate, String, lambda message: take_report(message.data))
@@ -88,17 +88,17 @@ class Wire:
         ears["odom"] = Ear(session, keys.odom, Odometry, take_odometry)
 
     def send_velocity(self, by: str, forward_m_s: float, turn_rad_s: float, clock_s: float) -> None:
-        """Ask for a velocity in the name of a controller, at a time of the robot's clock."""
+        """Send a velocity as a controller, with a time of the robot's clock."""
         stamp = stamp_of(clock_s) if self._config.stamped else None
         self._said.note(forward_m_s, turn_rad_s, time.monotonic())
         self._velocities[by].say(make_velocity(forward_m_s, turn_rad_s, stamp))
 
     def send_order(self, text: str) -> None:
-        """Say who is in charge."""
+        """Send an order: the active controller, and the lease."""
         self._orders.say(String(text))
 
     def missing(self) -> list[str]:
-        """Return what is not heard and who is not there, one line each."""
+        """Return which messages and programs are missing, one line each."""
         found = self._no_link()
         if found:
             return found
@@ -109,47 +109,47 @@ class Wire:
                 found.append(f"nothing was heard on {ear.key}")
         there = sorted(self.presence.there & {"base", "mux"})
         if there:
-            found.append(f"its {' and '.join(there)} say to be there")
+            found.append(f"the robot announces its {' and '.join(there)}")
         elif self.presence.there:
-            found.append(f"no mux says to be there below {self._namespace}")
+            found.append(f"no mux is announced below {self._namespace}")
         return found
 
     def others(self, listen_s: float) -> list[str]:
-        """Listen for a while, and return who else drives the robot although its mux lets nobody, one line each."""
+        """Listen for a while, and return how other programs drive the robot past its mux, one line each."""
         past: list[str] = []
 
         def note(forward_m_s: float, turn_rad_s: float) -> None:
-            # The mux says rest there, all the time.
+            # The mux itself publishes rest on this key all the time.
             if forward_m_s or turn_rad_s:
-                past.append(f"another program says velocities on {self.keys.cmd_vel} and drives it past the mux")
+                past.append(f"another program publishes velocities on {self.keys.cmd_vel} and drives it past the mux")
 
         ear = self._hear_velocity(self.keys.cmd_vel, note)
         time.sleep(listen_s)
         ear.close()
-        forged = f"another program says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
+        forged = f"another program publishes velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
         return [*past[:1], *([forged] if self.ears["cmd_vel_sc"].heard else [])]
 
     def watch(self, intruder: Callable[[str], object]) -> None:
-        """Have it said, from now on, when somebody else moves the robot, or speaks for its safe controller.
+        """Call `intruder` from now on when another program moves the robot, or sends as its safe controller.
 
-        What the base is told is compared with what the mux was asked for. Who says just that again is not noticed.
+        Velocities for the base are compared with those sent to the mux. A program that repeats these is not noticed.
         """
 
         def heard(forward_m_s: float, turn_rad_s: float) -> None:
             if not self._said.explains(forward_m_s, turn_rad_s, time.monotonic()):
-                intruder(f"another program says velocities on {self.keys.cmd_vel} and drives it past the mux")
+                intruder(f"another program publishes velocities on {self.keys.cmd_vel} and drives it past the mux")
 
-        # An advanced controller of the user's own may ask for what it wants.
+        # A user's own AC may send any velocity to the mux.
         self.ears["cmd_vel_ac"] = self._hear_velocity(
             self.keys.cmd_vel_ac, lambda forward, turn: self._said.note(forward, turn, time.monotonic())
         )
         self.ears["cmd_vel"] = self._hear_velocity(self.keys.cmd_vel, heard)
         self._forged = lambda: intruder(
-            f"another program says velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
+            f"another program publishes velocities on {self.keys.cmd_vel_sc}, in its safe controller's name"
         )
 
     def _no_link(self) -> list[str]:
-        """Return why there is no link to anybody, one line for each place to connect to; nothing if there is one."""
+        """Return why there is no link, one line for each endpoint to connect to; empty if there is a link."""
         options = self._config.session
         if self._session.info.links():
             return []

@@ -80,7 +80,7 @@ def test_what_is_missing_is_listed(shared: ZenohSimulator, open_fleet: Open) -> 
     text = refusal(open_fleet(shared, ready=False, robots={1: {"namespace": "nobody"}}, discovery_s=0.5))
     assert text.startswith("robot 1 at nobody: within 0.5 s: ")
     for missing in ("nothing was heard on nobody/odom", "nothing was heard on nobody/battery_state",
-                    "nothing was heard on nobody/soter/gate", "no mux says to be there below nobody"):  # fmt: skip
+                    "nothing was heard on nobody/soter/gate", "no mux is announced below nobody"):  # fmt: skip
         assert missing in text
     assert "Is the robot running, with `soter zenoh-mux` beside it" in text
 
@@ -88,7 +88,7 @@ def test_what_is_missing_is_listed(shared: ZenohSimulator, open_fleet: Open) -> 
 def test_what_has_another_type_is_named(shared: ZenohSimulator, open_fleet: Open) -> None:
     text = refusal(open_fleet(shared, ready=False, keys={"odom": "battery_state"}, discovery_s=1.5))
     assert "what came on robot1/battery_state was no Odometry" in text
-    assert "its base and mux say to be there" in text
+    assert "the robot announces its base and mux" in text
     assert "soter/gate" not in text
 
 
@@ -133,9 +133,9 @@ def test_whoever_can_go_round_the_mux_is_noticed(
     forged = Twist(Vector3(x=0.001))
     with saying(somebody, f"robot1/{key}", forged):
         text = refusal(open_fleet(shared, ready=False))
-    assert f"another program says velocities on robot1/{key}" in text
+    assert f"another program publishes velocities on robot1/{key}" in text
     assert what in text
-    assert "let them say it on robot1/cmd_vel_ac" in text
+    assert "let them publish it on robot1/cmd_vel_ac" in text
 
 
 @pytest.mark.parametrize("key", ["cmd_vel", "cmd_vel_sc"])

@@ -112,7 +112,7 @@ def test_after_its_end_an_ear_hears_nothing_and_ends_its_thread(session: zenoh.S
 def test_over_a_session_that_is_closed_nothing_is_said(session: zenoh.Session) -> None:
     voice, ear = Voice(session, "a/b"), Ear(session, "a/b", String, lambda _: None)
     close_session(session)
-    with pytest.raises(RobotUnavailable, match="a/b: nothing can be said any more"):
+    with pytest.raises(RobotUnavailable, match="a/b: nothing can be sent any more"):
         voice.say(String("late"))
     ear.close()
 
