@@ -1,4 +1,4 @@
-"""What runs on robots: who may move them, for how long, and how they drive to a place.
+"""The code that runs on robots: mux, gate and lease, and the drive to a goal.
 
-Standard library only: the same code stands in front of simulated robots and runs on real ones.
+Standard library only: the same code runs for simulated robots and on real ones.
 """

@@ -1,9 +1,9 @@
-"""What SOTER and a robot that drives to goals by itself tell each other, whatever carries it.
+"""The messages between SOTER and a robot that drives to goals by itself, for any middleware.
 
-A command is not an event but all that the robot is to do, numbered: one that is lost is made good by the next, one that
-comes twice or too late is known by its number, and nobody needs a queue. Everything is in SOTER's frame: metres east,
-north and up, radians counter-clockwise from east. `encode` and `decode` are JSON; a robot that speaks otherwise has an
-adapter that translates.
+A command is no event but the robot's whole task, with a number: the next command makes good for a lost one, a double or
+late one is known by its number, and no queue is needed. Everything is in SOTER's frame: metres east, north and up,
+radians counter-clockwise from east. `encode` and `decode` are JSON; for robots with another format an adapter
+translates.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from soter.onboard.wire import (
 
 
 class GoalMessage(NamedTuple):
-    """Where to go; a `soter.onboard.drive.Target`.
+    """A goal; a `soter.onboard.drive.Target`.
 
     Attributes:
-        id: its number, unique within a session.
-        by: the controller that asks, "AC" or "SC".
+        id: the goal's number, unique within a session.
+        by: the controller that sends it, "AC" or "SC".
         x_m: east.
         y_m: north.
         z_m: up.
@@ -47,15 +47,15 @@ class GoalMessage(NamedTuple):
 
 
 class Command(NamedTuple):
-    """All that a robot is to do.
+    """A robot's whole task.
 
     Attributes:
-        session: names the program that commands; a robot follows one at a time.
+        session: name of the commanding program; a robot follows one at a time.
         seq: grows with each command of a session.
-        controller: who is in charge, "AC" or "SC".
-        clock: names the robot's clock that `renewed_s` is a time of, as the robot reported it.
-        renewed_s: when the lease was renewed, by that clock, as far as the sender knows; None ends the lease.
-        goal: where to go, or None: stop.
+        controller: the active controller, "AC" or "SC".
+        clock: name of the robot's clock that `renewed_s` is a time of, as the robot reported it.
+        renewed_s: time of the lease's renewal, by the sender's knowledge of that clock; None ends the lease.
+        goal: the goal, or None to stop.
     """
 
     session: str
@@ -66,22 +66,22 @@ class Command(NamedTuple):
     goal: GoalMessage | None
 
     def encode(self) -> bytes:
-        """Return the message."""
+        """Return the command as a message."""
         goal = None if self.goal is None else self.goal._asdict()
         return json.dumps(self._asdict() | {"goal": goal}).encode()
 
     @staticmethod
     def decode(message: bytes) -> Command:
-        """Read a message.
+        """Return the command in a message.
 
         Raises:
-            ValueError: it is none; nothing else is ever raised.
+            ValueError: the message holds no command; nothing else is ever raised.
         """
         return Command.read(read_object(message))
 
     @staticmethod
     def read(values: Mapping[str, Any]) -> Command:
-        """Read a command by the names of its fields, or raise ValueError; for wires that are not JSON."""
+        """Return a command from its fields by name, or raise ValueError; for formats other than JSON."""
         goal = values.get("goal")
         return Command(
             read_text(values, "session"), read_count(values, "seq"), read_controller(values),
@@ -91,21 +91,21 @@ class Command(NamedTuple):
 
 
 class Report(NamedTuple):
-    """How a robot is, said once a period.
+    """A robot's state, sent once a period.
 
     Attributes:
-        robot: its number.
-        clock: names the clock that `stamp_s` is a time of; another name means that it began anew, or was set back.
-        stamp_s: the robot's time at which it was so.
+        robot: the robot's number.
+        clock: name of the clock that `stamp_s` is a time of; a new name means that it began anew, or was set back.
+        stamp_s: the robot's time of this state.
         x_m: east.
         y_m: north.
         heading_rad: counter-clockwise from east.
         vx_m_s: velocity, east.
         vy_m_s: velocity, north.
         yaw_rate_rad_s: counter-clockwise.
-        battery: charge from 0 to 1, or None where it is unknown.
-        gate: whom it follows.
-        goal: number of the goal that it works on, or None.
+        battery: charge from 0 to 1, or None if unknown.
+        gate: the gate's state.
+        goal: number of the present goal, or None.
         z_m: up.
         vz_m_s: velocity, up, or None.
     """
@@ -126,21 +126,21 @@ class Report(NamedTuple):
     vz_m_s: float | None = None
 
     def encode(self) -> bytes:
-        """Return the message."""
+        """Return the report as a message."""
         return json.dumps(self._asdict() | {"gate": self.gate._asdict()}).encode()
 
     @staticmethod
     def decode(message: bytes) -> Report:
-        """Read a message.
+        """Return the report in a message.
 
         Raises:
-            ValueError: it is none; nothing else is ever raised.
+            ValueError: the message holds no report; nothing else is ever raised.
         """
         return Report.read(read_object(message))
 
     @staticmethod
     def read(values: Mapping[str, Any]) -> Report:
-        """Read a report by the names of its fields, or raise ValueError; for wires that are not JSON."""
+        """Return a report from its fields by name, or raise ValueError; for formats other than JSON."""
         return Report(
             read_count(values, "robot"), read_text(values, "clock"), read_number(values, "stamp_s"),
             read_number(values, "x_m"), read_number(values, "y_m"), read_number(values, "heading_rad"),

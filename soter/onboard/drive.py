@@ -11,13 +11,13 @@ from math import atan2, cos, inf, pi, sin, sqrt
 from typing import Final, Protocol
 
 ARRIVED_M: Final = 0.01
-"""A robot at rest this near to its target is there and does not move again."""
+"""A robot at rest this near to its target has arrived and does not move again."""
 
 TUBE_M: Final = 0.02
-"""A robot as slow as a TurtleBot3 stays this near to the straight segment from where it began the leg to its target."""
+"""A robot as slow as a TurtleBot3 stays this near to the segment from the start of its leg to its target."""
 
 OVERSHOOT_M: Final = 0.01
-"""It runs at most this far beyond its target."""
+"""Farthest that such a robot overshoots its target."""
 
 _AT_TARGET_M: Final = 0.001
 _NEAR_M: Final = 0.03
@@ -38,7 +38,7 @@ _GO: Final = 2
 
 
 class Target(Protocol):
-    """What the drive reads of a target; `soter.sdk.Waypoint` is one. Metres and radians, workspace frame."""
+    """A target as the drive reads it, such as a `soter.sdk.Waypoint`. Metres and radians, workspace frame."""
 
     @property
     def x_m(self) -> float:
@@ -59,16 +59,16 @@ class Target(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """What the vehicle can do, and how well it is known; the defaults are a TurtleBot3 Burger's, known exactly.
+    """A vehicle's limits, and the noise of its state; the defaults are a TurtleBot3 Burger's, without noise.
 
     Attributes:
         v_max_m_s: top speed.
         yaw_rate_max_rad_s: top turn rate.
-        accel_m_s2: how fast its speed grows.
-        brake_m_s2: how fast it falls.
-        yaw_accel_rad_s2: how fast its turn rate changes.
-        speed_noise_m_s: error of the speed that the drive is told, at most.
-        position_noise_m: the same of the position.
+        accel_m_s2: acceleration.
+        brake_m_s2: deceleration.
+        yaw_accel_rad_s2: change of the turn rate per second.
+        speed_noise_m_s: largest error of the speed given to the drive.
+        position_noise_m: largest error of the position given to the drive.
     """
 
     v_max_m_s: float = 0.22
@@ -87,24 +87,23 @@ class DriveLimits:
 
 
 def tube_m(limits: DriveLimits, reaction_s: float) -> float:
-    """Return how near a vehicle stays to the straight segment to its target, whatever it did before within the cone.
+    """Return the vehicle's largest distance from the segment to its target, for any earlier motion within the cone.
 
     Args:
-        limits: of the vehicle.
-        reaction_s: until it acts on a new target, at most.
+        limits: the vehicle's limits.
+        reaction_s: the longest time until the vehicle acts on a new target.
     """
-    # Off its new way by as much as may be, it brakes along the old one.
+    # Worst case: the old direction is at the edge of the cone, and the vehicle brakes along it.
     ahead_m = limits.v_max_m_s * reaction_s + limits.v_max_m_s * limits.v_max_m_s / (2.0 * limits.brake_m_s2)
     return max(TUBE_M, _RESUME_CONE * ahead_m)
 
 
 class Drive:
-    """Drives one robot to its target; holds what it is in the middle of between two control periods.
+    """Drives one robot to its target; keeps its phase between control periods.
 
     A new target that lies nearly along the present motion (within about 11 degrees) is steered to without stopping;
-    any other makes the robot brake to rest, pivot, and drive. A target with a heading is driven to backwards where
-    that arrives closer to the heading; what is left is turned in place at the end. Without a heading the robot
-    drives forwards.
+    any other makes the robot brake to rest, pivot, and drive. To a target with a heading it drives backwards if that
+    arrives closer to the heading, and turns the rest in place at the end. Without a heading it drives forwards.
     """
 
     __slots__ = (
@@ -128,8 +127,8 @@ class Drive:
         self._yaw_dt = yaw_brake * period_s
         self._yaw_dt_sq = self._yaw_dt * self._yaw_dt
         self._two_yaw = 2.0 * yaw_brake
-        # What it is told of a robot that stands still, where it has to be, is off by as much as the noise. A new target
-        # is set out for however near it is: safe controllers ask for legs that are shorter than noise may be.
+        # A robot at rest on its target may seem to move, or to be elsewhere, by the noise. A new target is driven to
+        # however near it is: legs of safe controllers may be shorter than the noise.
         self._arrived = False
         self._rest = _REST_M_S + limits.speed_noise_m_s
         self._there = max(ARRIVED_M, limits.position_noise_m)
@@ -147,8 +146,8 @@ class Drive:
         """Return the speed in m/s and the turn rate in rad/s to command for the next control period.
 
         Args:
-            x: where the robot is, metres east.
-            y: the same, metres north.
+            x: the robot's position, metres east.
+            y: the robot's position, metres north.
             heading: radians counter-clockwise from east.
             v: present speed along the heading, m/s, negative backwards.
             yaw_rate: present turn rate, rad/s counter-clockwise.
@@ -169,7 +168,7 @@ class Drive:
                 along = -along
                 across = -across
         else:
-            # Not under way: choose a direction, get to rest, turn; fall through once the robot may drive.
+            # Not driving yet: choose a direction, get to rest, turn; fall through once the robot may drive.
             resting = -self._rest <= v <= self._rest
             wanted = self._heading
             if resting:
@@ -202,14 +201,14 @@ class Drive:
             elif w < -_STEER_MAX_RAD_S:
                 w = -_STEER_MAX_RAD_S
         elif along > _AT_TARGET_M and -self._there <= across <= self._there:
-            # This near the bearing says little, and the heading is right already.
+            # So near, the bearing is unreliable, and the heading is right already.
             w = 0.0
         else:
             self._mode = _BRAKE
             return 0.0, 0.0
         speed = self._cap
         if along < self._far:
-            # One more period at this speed and then braking ends exactly at the target.
+            # At this speed, one more period and then braking end exactly at the target.
             speed = sqrt(self._brake_dt_sq + self._two_brake * along) - self._brake_dt
         return (speed, w) if self._sign > 0.0 else (-speed, w)
 
@@ -228,7 +227,7 @@ class Drive:
             self._mode = _BRAKE
 
     def _choose(self, wanted: float, dx: float, dy: float) -> float:
-        """Return 1.0 to drive the leg forwards, -1.0 backwards; a choice made is kept where both are as good."""
+        """Return 1.0 to drive the leg forwards, -1.0 backwards; if both are about as good, keep the earlier choice."""
         forwards = cos(wanted) * dx + sin(wanted) * dy
         if self._mode == _PIVOT and forwards * forwards < 0.01 * (dx * dx + dy * dy):
             return self._sign
@@ -239,7 +238,7 @@ class Drive:
         return 0.0 if -_ALIGNED_RAD <= error <= _ALIGNED_RAD else self._turn(error)
 
     def _turn(self, error: float) -> float:
-        """Return the turn rate that, after one more period and braking, has turned by `error`."""
+        """Return the turn rate with which one more period and braking turn the robot by `error`."""
         rate = sqrt(self._yaw_dt_sq + self._two_yaw * abs(error)) - self._yaw_dt
         if rate > self._yaw_max:
             rate = self._yaw_max

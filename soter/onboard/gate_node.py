@@ -1,6 +1,6 @@
 """The velocity gate as a node of a robot. Standard library only.
 
-It takes orders and velocities, and passes on those of the controller in charge.
+It takes orders and velocities, and passes on the velocities of the active controller.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ COMMAND_S: Final = 0.25
 V_MAX_M_S: Final = 0.22
 YAW_RATE_MAX_RAD_S: Final = 2.84
 PERIOD_S: Final = 0.02
-"""How often `look` is to be called: whether what it passes is still to be passed."""
+"""Period for calls of `look`, which checks whether the present velocity may still pass."""
 
 logger = logging.getLogger(__name__)
 
 
 class GateNode(ABC):
-    """Passes on the velocities of the controller in charge while its lease lives. Not thread-safe.
+    """Passes on the velocities of the active controller while its lease lives. Not thread-safe.
 
-    Whoever carries the messages calls `hear_order` and `hear` with what arrives, `look` every `PERIOD_S`, and fills the
-    underscored methods.
+    A subclass for a middleware calls `hear_order` and `hear` with its messages, `look` every `PERIOD_S`, and implements
+    the underscored methods.
 
     Args:
-        gate: of the robot.
-        rate: seconds of the robot's clock by second of the host, above 1 in a simulated world that runs faster.
+        gate: the robot's gate.
+        rate: seconds of the robot's clock per host second, above 1 in a simulated world that runs faster.
         steady: the host's monotonic time in seconds.
 
     Attributes:
-        senseless: how many orders were dropped because they make no sense.
+        senseless: how many malformed orders were dropped.
     """
 
     def __init__(self, gate: VelocityGate, rate: float = 1.0, steady: Callable[[], float] = time.monotonic) -> None:
@@ -62,12 +62,12 @@ class GateNode(ABC):
             self.look()
 
     def hear(self, by: str, velocity: Velocity) -> None:
-        """Take what a controller asks for."""
+        """Take a controller's velocity."""
         if self._gate.give(by, velocity, self._now_s()):
             self.look()
 
     def look(self) -> None:
-        """Pass on what may move the robot now, or rest."""
+        """Pass on the velocity that may move the robot now, or rest."""
         velocity = self._gate.passing(self._now_s())
         if (velocity is not None) != self._passed:
             self._passed = velocity is not None
@@ -75,20 +75,20 @@ class GateNode(ABC):
         self._pass_on(velocity or REST)
 
     def report(self) -> None:
-        """Say what the gate does."""
+        """Send a report of the gate's state."""
         self._say(self._gate.report(self._now_s()).encode())
 
     def _now_s(self) -> float:
-        # Not the robot's clock: where that is set or stands still, the robot must stop all the same.
+        # Not the robot's clock: if that is set or stands still, the robot must still stop.
         return self._steady() * self._rate
 
     def _warn(self, text: str) -> None:
-        """Tell people what is wrong."""
+        """Log a warning for users."""
         logger.warning("%s", text)
 
     @abstractmethod
     def _clock_s(self) -> float | None:
-        """Return what the robot's clock shows, or None while that is not known."""
+        """Return the time of the robot's clock, or None while it is not known."""
 
     @abstractmethod
     def _pass_on(self, velocity: Velocity) -> None:
@@ -96,4 +96,4 @@ class GateNode(ABC):
 
     @abstractmethod
     def _say(self, report: str) -> None:
-        """Send what the gate does to the supervisor."""
+        """Send a report to the supervisor."""

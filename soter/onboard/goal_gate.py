@@ -1,4 +1,4 @@
-"""Which goal may move a robot now: the gate of robots that drive to goals by themselves."""
+"""The gate of robots that drive to goals by themselves."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from soter.onboard.gate import Gate
 from soter.onboard.wire import Order
 
 _BACK_S: Final = 0.02
-"""A clock that falls behind the steady time by more, from one look to the next, was set back."""
+"""A clock that loses more than this against steady time, from one call to the next, was set back."""
 
 
 class GoalGate(Gate[GoalMessage]):
     """Takes commands and passes on the goal that may move the robot now. Not thread-safe.
 
-    A lease lives by steady time, and counts from when the renewal was made, by the robot's own clock. That clock has a
-    name: a renewal by another one, made before the robot was switched on or before its clock was set back, renews
-    nothing.
+    A lease lives by steady time, and counts from its renewal, by the robot's own clock. That clock has a name: commands
+    with another name, from before the robot was switched on or before its clock was set back, renew nothing.
 
     Args:
         lease_s: a lease lives this long after its renewal.
@@ -31,11 +30,11 @@ class GoalGate(Gate[GoalMessage]):
         self._ahead_s = -math.inf
 
     def obey(self, command: Command, clock_s: float, now_s: float) -> bool:
-        """Take a command; return False, and change nothing, if it is not to be followed.
+        """Take a command; return False, and change nothing, if it must not be followed.
 
         Args:
-            command: what it says.
-            clock_s: what the robot's clock shows, the one that its reports are stamped by.
+            command: the command.
+            clock_s: time of the robot's clock that stamps its reports.
             now_s: steady time.
         """
         same, renewed_s = self.clock(clock_s, now_s) == command.clock, command.renewed_s
@@ -46,14 +45,14 @@ class GoalGate(Gate[GoalMessage]):
         if goal is None:
             self.halt()
         elif goal != self.command:
-            # One that is said again stays the same: whoever drives there does not begin anew.
+            # A repeated goal stays the same object, so that the drive does not begin anew.
             self.give(goal.by, goal, now_s)
         return True
 
     def clock(self, clock_s: float, now_s: float) -> str:
-        """Return the name of the robot's clock: another one where it has been set back since the last call.
+        """Return the name of the robot's clock: a new one if the clock was set back since the last call.
 
-        To be asked for every report; the arguments are those of `obey`.
+        To be called for every report; the arguments are those of `obey`.
         """
         ahead_s = clock_s - now_s
         if ahead_s < self._ahead_s - _BACK_S:

@@ -1,4 +1,4 @@
-"""Who may move a robot, and for how long: what stands between two controllers on the robot's own side."""
+"""The mux: chooses between two controllers on the robot, and stops it when the lease is dead."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from math import inf
 from typing import Final, Generic, TypeVar
 
 C = TypeVar("C")
-"""What names a controller, such as `soter.sdk.Controller` or a MAVLink component id."""
+"""A controller's name, such as `soter.sdk.Controller` or a MAVLink component id."""
 
 T = TypeVar("T")
-"""What a controller commands, such as a goal or a velocity."""
+"""A controller's command, such as a goal or a velocity."""
 
-# Times that are meant to be equal may differ by rounding; a lease must not live a whole period longer for that.
+# Equal times may differ by rounding; a lease must not live a whole period longer because of it.
 _ROUNDING_S: Final = 1e-6
 
 
 class Mux(Generic[C, T]):
-    """Passes the command of the controller in charge, while its lease lives.
+    """Passes the command of the active controller, while its lease lives.
 
     The lease begins dead: nothing moves before the first renewal. A command is held while the lease is dead and
     passes again once it is renewed, because only the supervisor that judged the robot safe renews it. Not thread-safe.
 
     Args:
-        in_charge: the controller in charge at first.
+        in_charge: the controller that is active at first.
         lease_s: a lease dies this long after its last renewal, in vehicle time.
-        command_s: a command dies this long after it was given; infinite for goals, short for streamed velocities.
+        command_s: a command dies this long after it was given; infinite for goals, short for velocities.
     """
 
     __slots__ = ("_given_s", "_renewed_s", "_seen_s", "command", "command_s", "in_charge", "lease_s")
@@ -42,7 +42,7 @@ class Mux(Generic[C, T]):
         self._seen_s = -inf
 
     def give(self, by: C, command: T, now_s: float) -> bool:
-        """Take a command from a controller; return False, and change nothing, if it is not in charge."""
+        """Take a controller's command; return False, and change nothing, if the controller is not active."""
         if by != self.in_charge:
             return False
         self.command = command
@@ -50,7 +50,7 @@ class Mux(Generic[C, T]):
         return True
 
     def switch(self, to: C) -> bool:
-        """Put a controller in charge; return whether that is a change, which drops the other's command."""
+        """Make a controller active; return whether that is a change, which drops the other's command."""
         if to == self.in_charge:
             return False
         self.in_charge = to
@@ -63,7 +63,7 @@ class Mux(Generic[C, T]):
         self._seen_s = max(self._seen_s, now_s)
 
     def halt(self) -> None:
-        """Drop the command; the controller in charge stays so, and its lease lives on."""
+        """Drop the command; the active controller stays active, and its lease lives on."""
         self.command = None
 
     def revoke(self) -> None:
@@ -74,11 +74,11 @@ class Mux(Generic[C, T]):
     def alive(self, now_s: float) -> bool:
         """Return whether the lease lives. A clock that goes back (a reboot) ends it, for good."""
         if now_s < self._seen_s - _ROUNDING_S:
-            # Otherwise it would live on, or again when the clock shows that time once more.
+            # Otherwise the lease would live on, or live again when the clock shows that time once more.
             self._renewed_s = -inf
         self._seen_s = now_s
         return -_ROUNDING_S <= now_s - self._renewed_s < self.lease_s - _ROUNDING_S
 
     def passing(self, now_s: float) -> T | None:
-        """Return the command that may move the robot now, or None: stop."""
+        """Return the command that may move the robot now, or None to stop."""
         return self.command if self.alive(now_s) and now_s - self._given_s < self.command_s else None

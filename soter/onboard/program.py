@@ -1,4 +1,4 @@
-"""What programs on a robot have in common: how they end, and how they are scheduled. Standard library only."""
+"""Common parts of programs on a robot: their end, and their scheduling. Standard library only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 LEAVE_S: Final = 5.0
-"""For so long a program may take leave of those that it has links to."""
+"""How long a program may take to close its links."""
 
 
 class Ending:
@@ -25,23 +25,23 @@ class Ending:
         self._parent = parent
         self._asked = threading.Event()
         for number in (signal.SIGTERM, signal.SIGINT):
-            # Not an exception: it could come where a library ignores it.
+            # Not an exception, which a library could swallow.
             signal.signal(number, lambda *_: self._asked.set())
 
     def __call__(self) -> bool:
-        """Return whether it is to end now."""
+        """Return whether the program is to end now."""
         return self._asked.is_set() or (self._parent is not None and os.getppid() != self._parent)
 
 
 @contextmanager
 def killed_after(limit_s: float) -> Iterator[None]:
-    """Have the kernel end this program if what is done within takes longer.
+    """Have the kernel kill this program if the body of the `with` statement takes longer.
 
-    For what a library does at its end, which may never come: Fast DDS can wait for a callback, busily and with the
-    interpreter in its hands, when several programs leave at once. No handler in Python would run then.
+    For the shutdown of a library that may hang: when several programs leave at once, Fast DDS can wait for a callback
+    busily and with the interpreter locked, so that no Python signal handler would run.
 
     Args:
-        limit_s: a robot is at rest before it begins, so nothing waits for it.
+        limit_s: the time limit; the robot is at rest already.
     """
     before = signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_REAL, limit_s)
@@ -53,9 +53,9 @@ def killed_after(limit_s: float) -> Iterator[None]:
 
 
 def favour() -> None:
-    """Schedule all threads before what is not real-time, where the kernel allows it: what stops a robot comes first.
+    """Give all threads real-time priority, if the kernel allows it: the code that stops a robot comes first.
 
-    So are threads that they start later, as libraries do when a link breaks and is made anew.
+    Threads that they start later inherit it, such as those of libraries that renew a broken link.
     """
     with suppress(OSError):
         for task in Path("/proc/self/task").iterdir():

@@ -1,4 +1,4 @@
-"""Which velocity may move a robot now: the gate of robots that velocities are streamed to."""
+"""The gate of velocity-controlled robots."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from soter.onboard.gate import Gate
 
 
 class Velocity(NamedTuple):
-    """What a differential-drive robot is asked for: along its heading, and counter-clockwise."""
+    """A velocity for a differential-drive robot: speed along its heading, and turn rate counter-clockwise."""
 
     forward_m_s: float = 0.0
     turn_rad_s: float = 0.0
@@ -19,13 +19,13 @@ REST: Final = Velocity()
 
 
 class VelocityGate(Gate[Velocity]):
-    """Passes the velocity of the controller in charge, within the limits, while its lease lives.
+    """Passes the velocity of the active controller, within the limits, while its lease lives.
 
     Args:
         lease_s: a lease lives this long after its renewal.
-        command_s: a velocity counts this long after it came.
-        v_max_m_s: no velocity beyond this passes.
-        yaw_rate_max_rad_s: nor any turn rate beyond this.
+        command_s: a velocity counts this long after its arrival.
+        v_max_m_s: limit of the speed that passes.
+        yaw_rate_max_rad_s: limit of the turn rate that passes.
     """
 
     def __init__(self, lease_s: float, command_s: float, v_max_m_s: float, yaw_rate_max_rad_s: float) -> None:
@@ -37,11 +37,11 @@ class VelocityGate(Gate[Velocity]):
         self._yaw_rate_max_rad_s: Final = yaw_rate_max_rad_s
 
     def give(self, by: str, command: Velocity, now_s: float) -> bool:
-        """Take what a controller asks for; return whether it is in charge. What is not finite stops the robot."""
+        """Take a controller's velocity, rest if it is not finite; return whether the controller is active."""
         return super().give(by, command if math.isfinite(command.forward_m_s + command.turn_rad_s) else REST, now_s)
 
     def passing(self, now_s: float) -> Velocity | None:
-        """Return what may move the robot now, within the limits, or None: rest."""
+        """Return the velocity that may move the robot now, within the limits, or None for rest."""
         velocity = super().passing(now_s)
         if velocity is None:
             return None

@@ -1,9 +1,9 @@
-"""What SOTER and the mux tell each other, JSON in std_msgs/String; and readers for messages of any wire.
+"""The messages between SOTER and the mux, JSON in std_msgs/String; and readers for messages of any format.
 
 Standard library only.
 
-An order is not an event but all that is to hold, numbered: one that is lost is made good by the next, one that comes
-twice or too late is known by its number.
+An order is no event but the whole state that is to hold, with a number: the next order makes good for a lost one, and a
+double or late one is known by its number.
 """
 
 from __future__ import annotations
@@ -25,27 +25,26 @@ ORDER: Final = "soter/order"
 GATE: Final = "soter/gate"
 
 MOST_BYTES: Final = 2048
-"""No message is longer. What is longer is not even parsed, which bounds every number, text and depth in it."""
+"""Longest message. Longer ones are not parsed, which bounds every number, text and depth in a message."""
 
 SEQ_MOST: Final = 2**53
-"""No number of an order is above: up to here every reader of JSON has whole numbers exactly."""
+"""Largest number of an order: up to here every reader of JSON has whole numbers exactly."""
 
 _TEXT_LENGTH: Final = 64
-"""No name of a session or of a clock is longer: it is repeated in every report, which must fit a message whatever was
-heard."""
+"""Longest name of a session or of a clock: reports repeat the names, and must fit a message for any order."""
 
 _MOST: Final = 1e11
 _SHOWN: Final = 80
 
 
 class Order(NamedTuple):
-    """Who is in charge of a robot, and until when.
+    """The active controller of a robot, and its lease.
 
     Attributes:
-        session: names the program that gives orders; a mux follows one at a time.
+        session: name of the program that gives orders; a mux follows one at a time.
         seq: grows with each order of a session, a whole number from 0 to `SEQ_MOST`.
-        controller: who is in charge, "AC" or "SC".
-        renewed_s: the robot's time at which the lease was renewed, as far as the sender knows it; None ends the lease.
+        controller: the active controller, "AC" or "SC".
+        renewed_s: time of the lease's renewal, by the sender's knowledge of the robot's clock; None ends the lease.
     """
 
     session: str
@@ -59,10 +58,10 @@ class Order(NamedTuple):
 
     @staticmethod
     def decode(text: str | bytes) -> Order:
-        """Read an order. Whatever it is given, at a bounded cost.
+        """Return the order in a text. The cost is bounded for any text.
 
         Raises:
-            ValueError: it is none; nothing else is ever raised.
+            ValueError: the text holds no order; nothing else is ever raised.
         """
         values = read_object(text)
         return Order(
@@ -72,12 +71,12 @@ class Order(NamedTuple):
 
 
 class GateReport(NamedTuple):
-    """What a mux does, told whenever it takes an order or stops passing one.
+    """A mux's state, sent whenever it takes an order, or begins or stops passing commands.
 
     Attributes:
-        session: whose orders it follows; empty before the first.
-        seq: the last order it took.
-        controller: who is in charge, "AC" or "SC".
+        session: the session that the mux follows; empty before the first order.
+        seq: the number of the last order.
+        controller: the active controller, "AC" or "SC".
         alive: whether the lease lives.
     """
 
@@ -92,30 +91,30 @@ class GateReport(NamedTuple):
 
     @staticmethod
     def decode(text: str | bytes) -> GateReport:
-        """Read a report. Whatever it is given, at a bounded cost.
+        """Return the report in a text. The cost is bounded for any text.
 
         Raises:
-            ValueError: it is none; nothing else is ever raised.
+            ValueError: the text holds no report; nothing else is ever raised.
         """
         return GateReport.read(read_object(text))
 
     @staticmethod
     def read(values: Mapping[str, Any]) -> GateReport:
-        """Read a report that is part of another message, or raise ValueError."""
+        """Return a report that is part of another message, or raise ValueError."""
         return GateReport(
             read_text(values, "session"), read_count(values, "seq"), read_controller(values),
             values.get("alive") is True,
         )  # fmt: skip
 
 
-# --- for what reads messages -------------------------------------------------------------------------------
+# --- readers of messages -----------------------------------------------------------------------------------
 
 
 def read_object(text: str | bytes) -> dict[str, Any]:
-    """Read a JSON object, at a bounded cost.
+    """Return the JSON object in a text, at a bounded cost.
 
     Raises:
-        ValueError: it is none; nothing else is ever raised.
+        ValueError: the text holds no object; nothing else is ever raised.
     """
     if len(text) > MOST_BYTES:
         raise ValueError(f"{len(text)} characters, allowed: at most {MOST_BYTES}")
@@ -127,14 +126,14 @@ def read_object(text: str | bytes) -> dict[str, Any]:
 
 
 def as_object(value: object) -> dict[str, Any]:
-    """Return a value that is to be a JSON object, or raise ValueError."""
+    """Return a value if it is a JSON object, or raise ValueError."""
     if not isinstance(value, dict):
         raise ValueError(f"not an object: {_shown(value)}")  # noqa: TRY004 - bad input, whatever its type
     return value
 
 
 def read_text(values: Mapping[str, Any], name: str) -> str:
-    """Return a short text, empty where there is none, or raise ValueError."""
+    """Return a short text, empty if absent, or raise ValueError."""
     text = values.get(name, "")
     if not isinstance(text, str) or len(text) > _TEXT_LENGTH:
         raise ValueError(f"{name} is {_shown(text)}, allowed: a text of at most {_TEXT_LENGTH} characters")
@@ -158,9 +157,9 @@ def read_controller(values: Mapping[str, Any], name: str = "controller") -> str:
 
 
 def read_number(values: Mapping[str, Any], name: str, what: str = "a number") -> float:
-    """Return a number of at most 1e11 either way, or raise ValueError."""
+    """Return a number from -1e11 to 1e11, or raise ValueError."""
     value = values.get(name)
-    # Python's reader takes NaN and Infinity, and whole numbers that no float can hold; neither is within the bounds.
+    # Python's JSON reader takes NaN, Infinity and integers too large for a float; the bounds refuse all of them.
     if isinstance(value, bool) or not isinstance(value, int | float) or not -_MOST <= value <= _MOST:
         raise ValueError(f"{name} is {_shown(value)}, allowed: {what}, at most {_MOST:g}")
     return float(value)
