@@ -1,1 +1,1 @@
-"""Untrusted code in processes of its own: started, boxed in, spoken with."""
+"""Runs untrusted code in sandboxed processes of its own, and exchanges messages with it."""

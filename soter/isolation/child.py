@@ -1,7 +1,7 @@
-"""Untrusted code in a process of its own: started afresh, limited, and never outliving its parent.
+"""Runs untrusted code in a fresh process with limits, which never outlives its parent.
 
-What its parent says to it may be pickled; what it says is bytes, and it is for the parent to look at them with care.
-It is the first to be taken when memory runs out.
+The parent may pickle its messages to the process; the messages of the process are bytes, which the parent must check.
+When memory runs out, the kernel kills this process first.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from soter.isolation.sandbox import InForce, SandboxRules
 from soter.scratch import Scratch
 
 MAX_MESSAGE_BYTES: Final = 1 << 17
-"""The longest message, below what one packet of a Unix socket holds."""
+"""The longest message; one packet of a Unix socket holds more."""
 
 KILL_LIMIT_S: Final = 5.0
-"""A killed process is gone after milliseconds, unless the kernel holds it in a call, in seconds."""
+"""Longest wait for a killed process, in seconds: milliseconds are enough, unless the kernel holds it in a call."""
 
 PATIENCE_S: Final = 0.2
-"""A socket closes a moment before its process ends, in seconds."""
+"""How long to wait for the end of a process whose socket has closed, in seconds: the socket closes a bit earlier."""
 
 _LOOK_S: Final = 0.004
 _OOM_SCORE_ADJ: Final = Path("/proc/self/oom_score_adj")
@@ -49,7 +49,7 @@ begin(*given)
 from {module} import main
 main(*given)
 """
-"""Before `begin` nothing is imported from the folder that it was started in, which is the user's."""
+"""The child's program. Before `begin` nothing is imported from the present folder, which is the user's."""
 
 
 class ChildDied(Exception):
@@ -57,7 +57,7 @@ class ChildDied(Exception):
 
 
 class NotBoxed(ChildDied):
-    """The kernel cannot take from the process what it is required to; the message says what, and why."""
+    """The kernel cannot enforce a required restriction on the process; the message says which, and why."""
 
 
 class Child:
@@ -66,19 +66,19 @@ class Child:
     `stdin` holds the pickled `payload`; the socket carries packets; the lifeline is the read end of a pipe, for
     `die_with_parent`.
 
-    It is not made by multiprocessing: a spawned child would run the user's main module again, and a forked one would
+    It does not use multiprocessing: a spawned child would run the user's main module again, and a forked one would
     inherit locks that threads hold. It has a session of its own, so that Ctrl-C reaches the parent only, and one
     thread for numerical libraries.
 
     Args:
-        module: whose `main` is run.
-        payload: what it is given.
-        output_fd: where its standard output and standard error go; None for nowhere.
+        module: the module whose `main` is run.
+        payload: the argument for `main`.
+        output_fd: descriptor for its standard output and standard error; None for none.
         patience_s: how long `send` and `receive` may wait, once the socket is closed, to learn how the process ended.
-        box: what it is boxed in with before the first line of untrusted code, or None for not at all.
+        box: the rules of its sandbox, entered before the first line of untrusted code; None for no sandbox.
 
     Attributes:
-        in_force: what its box consists of; None before it has said so, and where it has none.
+        in_force: the restrictions of its sandbox; None before it has reported them, and without a sandbox.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Child:
         life_read, self._life_write = os.pipe()
         # One byte more than allowed: a packet that fills it was too long.
         self._buffer: Final = bytearray(MAX_MESSAGE_BYTES + 1)
-        # The same hash seed everywhere, so that what iterates over a set still repeats itself.
+        # The same hash seed everywhere, so that the order of sets is repeatable.
         env = {**os.environ, "PYTHONHASHSEED": "0"}
         env.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
         boxed = None
@@ -140,7 +140,7 @@ class Child:
         """Send one message without waiting; return whether there was room for it.
 
         Raises:
-            ChildDied: nobody is there to read it.
+            ChildDied: the process is gone.
         """
         try:
             self._socket.send(data, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
@@ -151,11 +151,11 @@ class Child:
         return True
 
     def receive(self, timeout_s: float = 0.0) -> bytes | None:
-        """Return one message, or None if none comes within `timeout_s` of host time; 0 only looks.
+        """Return one message, or None if none comes within `timeout_s` of host time; 0 does not wait.
 
         Raises:
-            NotBoxed: its box is required, and lacks something.
-            ChildDied: there is none and there will be none.
+            NotBoxed: the sandbox is required, and lacks a restriction.
+            ChildDied: there are no more messages.
         """
         if self._box is not None and self.in_force is None:
             begun_s = time.perf_counter()
@@ -181,23 +181,23 @@ class Child:
         return bytes(memoryview(self._buffer)[:length])
 
     def end(self) -> None:
-        """Kill the process with whatever it has started, without waiting until it is gone."""
+        """Kill the process and all that it has started, without waiting until it is gone."""
         if self._process.returncode is None:
-            # Before the process is waited for: until then nobody else can have its id.
+            # Before the process is waited for: until then no other process can have its id.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)
 
     def kill(self, grace_s: float = 0.0) -> None:
-        """Close the link, and kill what is left; wait at most `KILL_LIMIT_S` until it is gone. Idempotent.
+        """Close the link, kill the process, and wait at most `KILL_LIMIT_S` until it is gone. Idempotent.
 
         Args:
-            grace_s: how long the process may take to end by itself when its link is closed, in host time.
+            grace_s: how long the process may take to end by itself once its link is closed, in host time.
         """
         if self._life_write >= 0:
             self._socket.close()
         if grace_s > 0.0:
             if self._process.returncode is None:
-                # One that was stopped could not take the time that it is given.
+                # A suspended process could not use its time to end.
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(self._process.pid, signal.SIGCONT)
             self._ended_within(grace_s)
@@ -215,7 +215,7 @@ class Child:
 
     def how_it_ended(self) -> str | None:
         """Return the process's exit code or signal in words, or None while it runs. Never waits."""
-        # It is left waitable (WNOWAIT): see end().
+        # The process is left waitable (WNOWAIT): see end().
         ended = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG)
         if ended is None:
             return None
@@ -240,7 +240,7 @@ class Child:
 
 
 def begin(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> None:
-    """Box this process in, if it is to be, and say first of all what is in force."""
+    """Enter the sandbox, if there is one, and send the restrictions in force as the first message."""
     with contextlib.suppress(OSError):
         _OOM_SCORE_ADJ.write_text(_KILLED_FIRST, encoding="ascii")
     boxed: tuple[SandboxRules, str, dict[str, str]] | None = pickle.load(stdin)  # noqa: S301 - from the parent
@@ -254,10 +254,10 @@ def begin(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> None:
 
 
 def die_with_parent(lifeline_fd: int) -> None:
-    """Have the kernel kill this process when the other end of a pipe is closed, which the parent's death does.
+    """Have the kernel kill this process when the other end of a pipe is closed, as at the parent's death.
 
-    It works while the interpreter is held in an endless loop of C, which a watching thread would not; and unlike
-    PR_SET_PDEATHSIG it does not fire when merely the thread ends that started this process.
+    Unlike a watching thread, this works while the interpreter is held in an endless loop of C; unlike
+    PR_SET_PDEATHSIG, it does not fire when only the thread that started this process ends.
     """
     fcntl.fcntl(lifeline_fd, fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(lifeline_fd, fcntl.F_SETSIG, signal.SIGKILL)
@@ -269,11 +269,11 @@ def die_with_parent(lifeline_fd: int) -> None:
 
 
 def yield_to_others(niceness: int, memory_limit_bytes: int) -> None:
-    """Have the scheduler favour others, and limit the memory of this process.
+    """Lower the priority of this process, and limit its memory.
 
     Args:
-        niceness: how much less this process is favoured than its parent.
-        memory_limit_bytes: address space that it may add to what it has now.
+        niceness: increase of this process's niceness over its parent's.
+        memory_limit_bytes: address space that the process may add to its present one.
     """
     with contextlib.suppress(OSError):
         os.nice(niceness)

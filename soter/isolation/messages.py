@@ -1,7 +1,7 @@
-"""What crosses between the supervisor's process and the mission's, in MessagePack.
+"""The messages between the supervisor's process and the mission's, in MessagePack.
 
-Nothing is unpickled and nothing is believed: what comes from the mission is decoded into these types or refused, and
-texts and lists have a longest length. Positions in metres, workspace frame; times in seconds.
+Nothing is unpickled or trusted: messages of the mission are decoded into these types or refused, and texts and lists
+have a longest length. Positions in metres, workspace frame; times in seconds.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from soter.rta import ControlReport, GoalReport, Report
 from soter.sdk import Capabilities, RobotState, Waypoint
 
 MAX_TURN_BYTES: Final = 1 << 16
-"""The longest message of a mission: room for an `Ask` of every robot, but not for one of them to keep a tick busy."""
+"""The longest message of a mission: room for an `Ask` of every robot, but decoded in a small part of a tick."""
 
 MAX_ANNOUNCED: Final = 16
-"""Waypoints that a mission may announce beyond the one it asks for."""
+"""Most waypoints that a mission may announce beyond the requested one."""
 
 MAX_NEWS: Final = 1024
 MAX_MOVES: Final = 100
@@ -40,21 +40,21 @@ class _Message(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fiel
 
 
 class Reported(_Message, frozen=True):
-    """What a port has reported: one of the two."""
+    """A report of a port: one of the two."""
 
     goal: GoalReport | None = None
     control: ControlReport | None = None
 
     @classmethod
     def of(cls, report: Report) -> Self:
-        """Return a report as it crosses."""
+        """Return a report as a message."""
         if isinstance(report, GoalReport):
             return cls(goal=report)
         return cls(control=report._replace(module=report.module[:MAX_TEXT], cause=report.cause[:MAX_TEXT]))
 
 
 class PeerSeen(_Message, frozen=True):
-    """A robot that another process commands, as it was heard last."""
+    """The latest state of a robot that another process commands."""
 
     state: RobotState | None
     engaged: bool
@@ -64,9 +64,9 @@ class Footprint(_Message, frozen=True):
     """The room that one robot takes.
 
     Attributes:
-        body_radius_m: of its body.
+        body_radius_m: radius of its body.
         disc_m: distance that its plans keep from robots that stand in the way.
-        arrival_m: how near to a target is reached.
+        arrival_m: distance to a target at which the target counts as reached.
     """
 
     body_radius_m: float
@@ -78,13 +78,13 @@ class Begin(_Message, tag="begin", frozen=True):
     """The robots are ready; the first tick is near.
 
     Attributes:
-        fleet_s: fleet time,
-        steady_s: at this moment of the host's steady clock.
-        robot_ids: which robots, in the order of every `Tick.states`.
-        rooms: what room each of them takes, in the same order.
-        recorded: whether changes of state are of interest.
+        fleet_s: fleet time when this message was sent.
+        steady_s: the host's steady time at that moment.
+        robot_ids: the robots, in the order of every `Tick.states`.
+        rooms: the room that each of them takes, in the same order.
+        recorded: whether changes of state are recorded.
         peer_ids: the robots that other processes command, in the order of every `Tick.peers`.
-        capabilities: what each of the robots promises.
+        capabilities: the promise of each of the robots.
     """
 
     fleet_s: float
@@ -97,15 +97,15 @@ class Begin(_Message, tag="begin", frozen=True):
 
 
 class Tick(_Message, tag="tick", frozen=True):
-    """What the ports show after a tick.
+    """The state of the ports after a tick.
 
     Attributes:
         number: counts the ticks that were sent.
         now_s: fleet time of the tick.
-        fleet_s: fleet time when this was sent,
-        steady_s: which was this moment of the host's steady clock.
+        fleet_s: fleet time when this message was sent.
+        steady_s: the host's steady time at that moment.
         states: every robot's latest sample.
-        reports: what the ports have reported since the last one, oldest first.
+        reports: the ports' reports since the last tick, oldest first.
         peers: the robots that other processes command.
     """
 
@@ -122,18 +122,18 @@ class Tick(_Message, tag="tick", frozen=True):
 
 
 class Started(_Message, tag="started", frozen=True):
-    """The ACs are there; `Begin` may come."""
+    """The ACs are ready for `Begin`."""
 
 
 class Ask(_Message, frozen=True):
     """A goto through a robot's port.
 
     Attributes:
-        robot_id: which robot.
-        handover: how many hand-overs of that robot the mission had heard of when it asked.
-        goal_id: the mission's number for it.
-        target: where to.
-        upcoming: what the AC intends after it; for statistics only.
+        robot_id: the robot.
+        handover: how many hand-overs of that robot the mission had heard of before the request.
+        goal_id: the mission's number for the goal.
+        target: the goal's place.
+        upcoming: the AC's intended waypoints after the target; for statistics only.
     """
 
     robot_id: Id
@@ -161,7 +161,7 @@ class TargetEndedMessage(_Message, tag="ended", frozen=True):
 
 
 class FailedForGood(_Message, frozen=True):
-    """Something has failed for good: a robot's AC, or with None what all of them depend on."""
+    """A robot's AC has failed for good; with None, a part that all ACs depend on has failed."""
 
     robot_id: Id | None
     cause: Text
@@ -181,16 +181,16 @@ class Moved(_Message, frozen=True):
 
 
 class Turn(_Message, tag="turn", frozen=True):
-    """What the mission did about a tick; the mission's sign of life.
+    """The mission's answer to a tick, and its sign of life.
 
     Attributes:
-        tick: the number of the tick that it has seen last.
-        asks: at most one for a robot.
+        tick: the number of the latest tick that the mission has seen.
+        asks: at most one for each robot.
         news: targets given and ended, oldest first.
-        failures: of now.
-        incidents: new ones.
-        moves: changes of state, oldest first, where they are recorded; those beyond the limit are left out.
-        paths_replaced: how many paths of the planner were not used up to now.
+        failures: new failures.
+        incidents: new incidents.
+        moves: changes of state, oldest first, if they are recorded; those beyond the limit are left out.
+        paths_replaced: how many paths of the planner have not been used so far.
         done: whether the mission has nothing left to do.
     """
 
@@ -205,7 +205,7 @@ class Turn(_Message, tag="turn", frozen=True):
 
 
 class Busy(_Message, tag="busy", frozen=True):
-    """The mission has been in one handler for long. It says so while it can, so that a hang has a name."""
+    """The mission has been in one handler for long. Sent while it still can, so that a hang has a name."""
 
     handler: Text
 
@@ -219,41 +219,41 @@ _down: Final = msgspec.msgpack.Decoder(Down)
 
 
 def encode(message: msgspec.Struct) -> bytes:
-    """Encode what another process decodes."""
+    """Return a message as bytes for another process."""
     return _encoder.encode(message)
 
 
 def decode_up(data: bytes) -> Up:
-    """Decode a message of the mission's process.
+    """Return the message in bytes from the mission's process.
 
     Raises:
-        Garbage: it is none.
+        Garbage: the bytes are no such message.
     """
     message: Up = decoded(_up, data, MAX_TURN_BYTES, "message")
     return message
 
 
 def decoded(decoder: msgspec.msgpack.Decoder[M], data: bytes, most_bytes: int, what: str) -> M:
-    """Decode what nobody vouches for.
+    """Return the message in untrusted bytes.
 
     Args:
-        decoder: of what was agreed.
-        data: what came.
-        most_bytes: what is longer is not looked at.
-        what: what it should be, in a word.
+        decoder: of the expected type.
+        data: the bytes.
+        most_bytes: the longest message; longer ones are not decoded.
+        what: a word for the expected message.
 
     Raises:
-        Garbage: it is not what was agreed.
+        Garbage: the bytes are no such message.
     """
     if len(data) > most_bytes:
         raise Garbage(f"a {what} of more than {most_bytes} bytes")
     try:
         return decoder.decode(data)
-    except Exception as failure:  # noqa: BLE001 - not all that msgspec raises is its own: texts that are no UTF-8
+    except Exception as failure:  # noqa: BLE001 - msgspec also raises others' errors: texts that are no UTF-8
         raise Garbage(" ".join(str(failure).split())[:MAX_TEXT]) from None
 
 
 def decode_down(data: bytes) -> Down:
-    """Decode a message of the supervisor's process."""
+    """Return the message in bytes from the supervisor's process."""
     message: Down = _down.decode(data)
     return message

@@ -1,4 +1,4 @@
-"""The mission's end of the link: ports like the supervisor's own, and a clock that follows the fleet's."""
+"""The mission's end of the link: copies of the supervisor's ports, and a clock that follows the fleet's."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ _LONGEST_SLEEP_S: Final = 0.25
 
 
 class FollowedClock(Clock):
-    """Goes on from the time that was told last, at the rate between the last two; never back.
+    """A clock that goes on from the latest fleet time it was given, at the rate between the last two; never back.
 
-    Both processes run on one host, whose steady clock they share.
+    Both processes run on one host, and share its steady clock.
 
     Args:
         steady: the host's monotonic time in seconds.
-        sleep: sleeps for so many seconds of the host.
+        sleep: sleeps for a number of host seconds.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class FollowedClock(Clock):
         self._shown_s = 0.0
 
     def follow(self, fleet_s: float, steady_s: float) -> None:
-        """Take what the fleet's clock showed at one moment of the host's steady time."""
+        """Take the fleet time at one moment of the host's steady time."""
         passed_s = steady_s - self._told_steady_s
         if passed_s > 0.0:
             self._rate = max(0.0, (fleet_s - self._told_s) / passed_s)
@@ -78,16 +78,16 @@ class FollowedClock(Clock):
 
 
 class MissionEnd:
-    """Keeps ports that mean the same as those in the supervisor's process. One thread, but for the ports and `busy`.
+    """Keeps copies of the ports in the supervisor's process. One thread, except for the ports and `busy`.
 
     Args:
         link: the socket to the supervisor.
-        hear: told what the ports report, as in the supervisor's process.
+        hear: called with the ports' reports, as in the supervisor's process.
 
     Attributes:
         clock: fleet time.
-        ports: by robot; empty before `Begin`.
-        peers: those of robots that other processes command, likewise; they show where these are and take nothing.
+        ports: by robot id; empty before `Begin`.
+        peers: likewise the ports of robots that other processes command, which show states and take no commands.
     """
 
     def __init__(self, link: socket.socket, hear: Callable[[Report], None]) -> None:
@@ -100,19 +100,19 @@ class MissionEnd:
         self._seen = 0
 
     def say(self, message: Started | Refused) -> None:
-        """Send a first message. Lost where the supervisor is gone, which `wait` then says."""
+        """Send a first message. It is lost if the supervisor is gone, which `wait` then reports."""
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             self._link.send(encode(message))
 
     def busy(self, handler: str) -> None:
-        """Name the handler that does not end; any thread may. Lost where the supervisor does not read."""
+        """Report a handler that does not end. From any thread; lost if the supervisor does not read."""
         with contextlib.suppress(OSError):
             self._link.send(encode(Busy(handler)), socket.MSG_DONTWAIT)
 
     def wait(self) -> list[Begin | Tick] | None:
-        """Wait until the supervisor says something; return all that it has said, or None when it is gone.
+        """Wait for messages of the supervisor, and return them all, or None when it is gone.
 
-        The ports show all of it by then, and what they have to report has been heard.
+        By then the ports show the latest states, and all reports have been heard.
         """
         messages: list[Begin | Tick] = []
         flags = 0
@@ -138,15 +138,15 @@ class MissionEnd:
         return messages
 
     def answer(self, turn: Turn) -> None:
-        """Send what was done about the ticks up to now; waits while the supervisor has not read what was sent before.
+        """Send the answer to the ticks so far; waits while the supervisor has not read earlier messages.
 
         Args:
-            turn: without its tick and what is asked for, which are filled in.
+            turn: the answer without `tick` and `asks`, which are filled in.
         """
         turn = msgspec.structs.replace(turn, tick=self._seen, asks=tuple(self._asks()))
         data = encode(turn)
         if len(data) > MAX_TURN_BYTES:
-            # What ACs intend, and how they came to it, is for statistics only.
+            # Upcoming waypoints and changes of state are for statistics only.
             asks = tuple(msgspec.structs.replace(ask, upcoming=()) for ask in turn.asks)
             data = encode(msgspec.structs.replace(turn, asks=asks, moves=()))
         self._link.send(data)
@@ -183,7 +183,7 @@ class MissionEnd:
 
 
 def _plain(command: Any) -> Waypoint | None:
-    """Return a command as it can cross, or None if it is no waypoint; what its numbers mean is judged there."""
+    """Return a command as a plain waypoint, or None if it is none; the supervisor's process checks its numbers."""
     if type(command) is not Waypoint:
         return None
     try:

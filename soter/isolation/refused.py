@@ -1,4 +1,4 @@
-"""What a process of untrusted code says when it cannot start, and the error that it stands for."""
+"""The message of a process of untrusted code that cannot start, and the error that it stands for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LongText = Annotated[str, msgspec.Meta(max_length=MAX_LONG_TEXT)]
 
 
 class Refused(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True, tag="refused"):
-    """What is to run there cannot be made, and why: what the error says, and where a `ConfigError` is."""
+    """The code for a process cannot be made: the error's kind and text, and the place of a `ConfigError`."""
 
     kind: Literal["config", "backend", "other"]
     message: LongText
@@ -24,7 +24,7 @@ class Refused(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_field
 
     @classmethod
     def of(cls, error: Exception) -> Self:
-        """Return an error as it crosses."""
+        """Return an error as a message."""
         if isinstance(error, ConfigError):
             source, key = (text if text is None else text[:MAX_LONG_TEXT] for text in (error.source, error.key))
             return cls("config", str(error)[:MAX_LONG_TEXT], source, error.line, key)
@@ -33,9 +33,9 @@ class Refused(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_field
         return cls("other", repr(error)[:MAX_LONG_TEXT])
 
     def error(self) -> SoterError:
-        """Return the error that it stands for."""
+        """Return the message as an error."""
         if self.kind == "config":
-            error = ConfigError(self.message)  # which has its place in it already
+            error = ConfigError(self.message)  # the text includes its place already
             error.source, error.line, error.key = self.source, self.line, self.key
             return error
         return BackendUnavailable(self.message) if self.kind == "backend" else RunFailed(self.message)

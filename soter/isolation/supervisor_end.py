@@ -1,4 +1,4 @@
-"""The supervisor's end of the link: nothing here waits, and nothing takes longer than a bounded number of bytes."""
+"""The supervisor's end of the link: nothing here waits, and the work of each call is bounded."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from soter.rta import ControlReport, GoalReport, Port, Report, Request
 from soter.sdk import Capabilities, RobotState, Waypoint
 
 MAX_MESSAGES: Final = 4
-"""Messages that are read at one tick; a mission sends one."""
+"""Most messages that are read at one tick; a mission sends one."""
 
 MAX_REPORTS: Final = 200
-"""Reports that go with one tick."""
+"""Most reports that are sent with one tick."""
 
 MAX_WAITING: Final = 2000
-"""Reports that may wait for a mission that does not read."""
+"""Most reports that may wait for a mission that does not read."""
 
 _LOOKS: Final = 4
-"""A silence is that of so many looks at least: a supervisor that was stopped, as with its container, has not waited for
-a mission that was stopped, too."""
+"""Least number of looks in a silence: if supervisor and mission were both suspended, as with their container, the
+mission has not been silent."""
 
 _CLOSED_TICKS: Final = 3
-"""A socket closes a moment before its process ends; so long it is waited for how."""
+"""Ticks to wait for the exit code of a process whose socket has closed: the socket closes a bit earlier."""
 
 Ports = Mapping[int, Port[Waypoint, RobotState]]
 
 
 class SupervisorEnd:
-    """Speaks with the mission's process. One thread: the supervisor's.
+    """Exchanges messages with the mission's process. Supervisor's thread only.
 
-    Whatever the mission does ends in `failure`, never in an exception: garbage, silence, a closed link, reports that
-    nobody takes. A mission that has failed is killed, and nothing that it said before counts any more.
+    Every misbehaviour of the mission sets `failure`, and raises nothing: garbage, silence, a closed link, reports that
+    it does not read. A mission that has failed is killed, and its earlier messages count no more.
 
     Args:
         child: the mission's process.
-        silent_s: host time for which a mission that has been told of a tick may be silent.
+        silent_s: longest host time that a mission may take to answer a tick.
         steady: the host's monotonic time in seconds.
 
     Attributes:
@@ -72,7 +72,7 @@ class SupervisorEnd:
 
         Raises:
             ChildDied: its process has ended.
-            Garbage: it is none that may come first.
+            Garbage: it is no message that may come first.
         """
         data = self._child.receive(limit_s)
         if data is None:
@@ -103,7 +103,7 @@ class SupervisorEnd:
     # --- at every tick -----------------------------------------------------------------------------------------
 
     def hear(self, report: Report) -> None:
-        """Queue what a port reports."""
+        """Queue a port's report."""
         if self.failure:
             return
         if isinstance(report, ControlReport):
@@ -115,7 +115,7 @@ class SupervisorEnd:
     def send(
         self, now_s: float, fleet_s: float, states: Sequence[RobotState | None], peers: Sequence[messages.PeerSeen] = ()
     ) -> None:
-        """Tell of a tick. Where there is no room the next one takes its place; what was reported is kept."""
+        """Send a tick. If the link is full, the next tick replaces it; reports are kept."""
         if self.failure:
             return
         count = min(len(self._reports), MAX_REPORTS)
@@ -128,9 +128,9 @@ class SupervisorEnd:
                 self._reports.popleft()
 
     def receive(self) -> list[messages.Turn]:
-        """Return what the mission has said since the last tick, put what it asks for into the ports, judge its silence.
+        """Return the mission's turns since the last tick, put its requests into the ports, and check its silence.
 
-        The turns are checked: they answer ticks that were sent, each once, and concern robots that there are.
+        The turns are checked: each answers a tick that was sent, once, and names only known robots.
         """
         turns: list[messages.Turn] = []
         read = 0
@@ -158,13 +158,13 @@ class SupervisorEnd:
             self.fail(f"it sent garbage: {garbage}")
         if self._sent > self._answered and self._waited_s > self._silent_s:
             where = f"; it is in handler {self._handler}" if self._handler else ""
-            # A process that it has left behind may hold the link open.
+            # The mission may have ended, with the link held open by a process that it had started.
             self._closed()
             self.fail(f"it has been silent for {self._silent_s:g} s of host time{where}")
         return turns
 
     def fail(self, cause: str) -> None:
-        """Have done with the mission: kill it, without waiting for its end."""
+        """Mark the mission as failed and kill it, without waiting for its end."""
         if not self.failure:
             self.failure = cause
             self._reports.clear()
@@ -193,7 +193,7 @@ class SupervisorEnd:
             *(each.robot_id for each in turn.failures if each.robot_id is not None),
         ]
         unknown = [robot_id for robot_id in own if robot_id not in self._ports]
-        # A task planner beside robots has targets for those of other processes, too.
+        # The task planner's process has targets for robots of other processes, too.
         heard_of = {*self._ports, *self._peers}
         unknown += [each.robot_id for each in turn.news if each.robot_id not in heard_of]
         if unknown:
@@ -213,7 +213,7 @@ class SupervisorEnd:
 
     def _ask(self, ask: messages.Ask) -> None:
         if ask.handover != self._handovers[ask.robot_id]:
-            # What was asked for before control was lost must not move anything after it has come back.
+            # A request from before a hand-over must not move the robot after it.
             self.hear(GoalReport(ask.robot_id, ask.goal_id, "rejected"))
             return
         self._ports[ask.robot_id].put(Request(ask.goal_id, ask.target, ask.upcoming))

@@ -1,4 +1,4 @@
-"""The port of a robot that is commanded elsewhere."""
+"""The port of a robot that another process commands."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from soter.sdk import RobotState, Waypoint
 
 
 class WatchedPort(Port[Waypoint, RobotState]):
-    """Shows where a robot is and whether its AC has control, and takes no commands."""
+    """Shows a robot's state and whether its AC is active, and takes no commands."""
 
     def __init__(self, robot_id: int) -> None:
-        super().__init__(robot_id, lambda report: None)  # nobody can ask for anything
+        super().__init__(robot_id, lambda report: None)  # there are no requests to report on
 
     def put(self, request: Request[Waypoint]) -> None:
-        """Leave it out: who commands this robot is elsewhere."""
+        """Do nothing: another process commands this robot."""
 
     def goto(self, command: Waypoint, upcoming: tuple[Waypoint, ...] = ()) -> int:
-        """Leave it out, and return 0, which is no goal's number."""
+        """Do nothing, and return 0, which is no goal's number."""
         return 0

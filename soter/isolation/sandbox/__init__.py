@@ -1,6 +1,6 @@
-"""A box around untrusted code: what the kernel takes from a process before the first line of it. Standard library only.
+"""A sandbox for untrusted code, which the kernel enforces before the first line of it. Standard library only.
 
-What the kernel does not offer is said, not assumed: `enter` returns what is in force, and by what.
+Kernels offer different restrictions: `enter` returns those in force, and what enforces each.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ RIGHTS: Final = "rights"
 NUMBER: Final = "number of processes"
 
 REQUIRED: Final = (NETWORK, FILES, PROCESSES, RIGHTS)
-"""Without one of these a box is none, as far as `require` goes; the number of processes is limited where it can be."""
+"""The restrictions that a required sandbox must have; the number of processes is limited only if possible."""
 
 MAX_PROCESSES: Final = 512
-"""Processes and threads of one box."""
+"""Most processes and threads of one sandbox."""
 
 SCRATCH_BYTES: Final = 256 << 20
-"""What the scratch folder of a box takes, where it is in memory."""
+"""Size of a sandbox's scratch folder, if it is in memory."""
 
 _NAMESPACE: Final = "process namespace"
 _PID_MAX: Final = Path("/proc/sys/kernel/pid_max")
 _PID_MAX_OF_EACH: Final = (6, 14)
-"""Since this kernel every namespace of process ids has a limit of its own."""
+"""First kernel version in which every namespace of process ids has a limit of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class SandboxRules:
-    """What a process is to be boxed in with.
+    """The rules of a process's sandbox.
 
     Attributes:
-        required: whether it is not to run where the kernel cannot take all of `REQUIRED`.
-        read: files and folders that it may read besides Python and what can be imported.
-        network: whether it keeps the network.
+        required: whether the process must not run unless the kernel enforces all of `REQUIRED`.
+        read: files and folders that the process may read, besides Python and importable modules.
+        network: whether the process may use the network.
     """
 
     required: bool = False
@@ -64,36 +64,36 @@ class InForce:
     lacks: dict[str, str] = field(default_factory=dict)
 
     def note(self, what: str, by: str) -> None:
-        """Note that something is taken, also by this."""
+        """Note that a restriction is in force by this mechanism, too."""
         self.lacks.pop(what, None)
         self.by[what] = f"{self.by[what]}, {by}" if what in self.by else by
 
     def miss(self, what: str, why: str) -> None:
-        """Note that something is not taken by this, unless something else takes it."""
+        """Note why a restriction is missing, unless another mechanism enforces it."""
         if what not in self.by:
             self.lacks[what] = f"{self.lacks[what]}; {why}" if what in self.lacks else why
 
     def lose(self, what: str, why: str) -> None:
-        """Note that something is not taken after all, whatever was noted before."""
+        """Note that a restriction is not in force after all, whatever was noted before."""
         self.by.pop(what, None)
         self.lacks[what] = why
 
     @property
     def missing(self) -> str:
-        """What a box that is required lacks, in words; empty if it is complete."""
+        """The missing restrictions of `REQUIRED`, in words; empty if all are in force."""
         return "; ".join(f"{what} ({self.lacks[what]})" for what in REQUIRED if what in self.lacks)
 
     def in_words(self) -> dict[str, str]:
-        """Return by what each is taken, or that it is not, and why."""
+        """Return by restriction what enforces it, or why it is open."""
         return {**self.by, **{what: f"open: {why}" for what, why in self.lacks.items()}}
 
     def encoded(self) -> bytes:
-        """Return it as bytes."""
+        """Return the restrictions as bytes."""
         return json.dumps([self.by, self.lacks]).encode()
 
     @classmethod
     def decoded(cls, data: bytes) -> Self:
-        """Read what `encoded` wrote; it comes from before the first line of untrusted code."""
+        """Return the restrictions in bytes of `encoded`, which were sent before the first line of untrusted code."""
         return cls(*json.loads(data))
 
 
@@ -103,21 +103,21 @@ _own: InForce | None = None
 def enter(
     box: SandboxRules, scratch: str, inherited: Mapping[str, str], close: Sequence[int], lifeline_fd: int
 ) -> InForce:
-    """Box this process in, for good. It must have one thread.
+    """Put this process, which must have one thread, into a sandbox for good; return the restrictions in force.
 
-    Where namespaces are allowed, this returns in a grandchild that the kernel kills with this process; this one ends as
-    that one does.
+    If namespaces are allowed, this returns in a grandchild, which the kernel kills with this process; this process then
+    ends as the grandchild does.
 
     Args:
-        box: what it is to be boxed in with.
-        scratch: an empty folder, the only one that it may write to.
-        inherited: what is taken from its parent, and so from it, and by what.
-        close: descriptors that only the boxed process holds.
-        lifeline_fd: read end of a pipe; when the other end is closed, all of it ends.
+        box: the rules.
+        scratch: an empty folder, the only one that the process may write to.
+        inherited: by restriction of the parent, which holds for this process as well, what enforces it.
+        close: descriptors that only the sandboxed process is to hold.
+        lifeline_fd: read end of a pipe; when the other end is closed, all these processes end.
     """
     global _own
     found = InForce(dict(inherited))
-    # Looked for before anything is out of sight.
+    # Looked for before files are hidden.
     files = readable(sys.path, box.read)
     with contextlib.suppress(ValueError, OSError):
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -132,7 +132,7 @@ def enter(
     try:
         kernel.refuse_calls(sockets=not box.network)
         for what in (RIGHTS, PROCESSES, NETWORK):
-            # It keeps nobody from sending signals.
+            # Seccomp does not prevent signals.
             if what != PROCESSES or what in found.by:
                 found.note(what, "seccomp")
     except OSError as failure:
@@ -140,7 +140,7 @@ def enter(
         found.miss(NETWORK, why)
         found.lose(RIGHTS, why)
         if _NAMESPACE not in found.by.get(PROCESSES, ""):
-            # Landlock leaves others' limits and priorities.
+            # Landlock does not protect other processes' limits and priorities.
             found.lose(PROCESSES, why)
     if box.network:
         found.lose(NETWORK, "the bus of a distributed mission needs it")
@@ -149,7 +149,7 @@ def enter(
 
 
 def inherited() -> Mapping[str, str]:
-    """Return what is taken from this process, and by what; empty if it is not boxed in."""
+    """Return by restriction of this process what enforces it; empty without a sandbox."""
     return {} if _own is None else _own.by
 
 
@@ -163,7 +163,7 @@ def _restrict(box: SandboxRules, scratch: str, files: Sequence[str], found: InFo
         for what in (FILES, PROCESSES, NETWORK):
             found.miss(what, "Landlock: not offered by this kernel")
         return
-    # Of the processes that /proc shows, nothing can be read but what everybody may know.
+    # /proc shows other processes, but only what every user may read.
     allowed = [(path, kernel.READ) for path in (*files, "/proc")]
     allowed += [(path, kernel.WRITE) for path in (scratch, os.devnull)]
     try:
@@ -186,9 +186,9 @@ def _restrict(box: SandboxRules, scratch: str, files: Sequence[str], found: InFo
 
 
 def _into_namespaces(box: SandboxRules, scratch: str, close: Sequence[int], lifeline_fd: int, found: InForce) -> None:
-    """Go on in namespaces of one's own, as the second process there: the first one ignores signals."""
+    """Go on in new namespaces, as the second process there: the first process of one ignores signals."""
     wanted = kernel.NAMESPACES | (0 if box.network else kernel.NEW_NETWORK)
-    # Who is root without a namespace of users keeps the right to read what belongs to others.
+    # Without a namespace of users, root keeps the right to read other users' files.
     refused = 0
     for extra in (0, kernel.NEW_USER) if os.geteuid() == 0 else (kernel.NEW_USER,):
         refused = kernel.may_unshare(wanted | extra)
@@ -228,7 +228,7 @@ def _mounted(scratch: str, found: InForce) -> None:
     with contextlib.suppress(OSError):
         kernel.mount_read_only(scratch, SCRATCH_BYTES)
         found.note(FILES, "read-only mounts")
-        # Read-only does not mean out of sight: that takes Landlock.
+        # Read-only files can still be read; only Landlock hides them.
         if not kernel.landlock_abi():
             found.lose(FILES, f"{found.by[FILES]} only")
 
@@ -242,7 +242,7 @@ def _limit_ids(found: InForce) -> None:
 
 
 def _count(found: InForce) -> None:
-    """Limit the number of processes of an ordinary user, which the kernel counts for each namespace of users."""
+    """Limit the number of processes; the kernel counts an ordinary user's for each namespace of users."""
     if os.geteuid() == 0:
         found.miss(NUMBER, "root's processes are limited by kernels from 6.14 on")
         return
@@ -251,7 +251,7 @@ def _count(found: InForce) -> None:
 
 
 def _let_go(close: Sequence[int]) -> None:
-    """Keep nothing open that somebody waits for the end of."""
+    """Close the descriptors whose end another process waits for."""
     null = os.open(os.devnull, os.O_RDWR)
     for fd in (0, 1, 2):
         os.dup2(null, fd)
@@ -260,7 +260,7 @@ def _let_go(close: Sequence[int]) -> None:
 
 
 def _be_first(inside: int, told: int) -> None:
-    """Be the first process of a namespace: take in what is left behind, and end with the one that matters."""
+    """Be the first process of a namespace: reap orphaned processes, and end with the sandboxed one."""
     for number in (signal.SIGINT, signal.SIGPIPE):
         signal.signal(number, signal.SIG_DFL)
     with contextlib.suppress(OSError):
@@ -274,7 +274,7 @@ def _be_first(inside: int, told: int) -> None:
 
 
 def _follow(started: int, heard: int, lifeline_fd: int) -> None:
-    """Wait for a namespace's first process, and end as the boxed one has; end both when nobody holds the lifeline."""
+    """Wait for a namespace's first process, and end as the sandboxed one did; end both when the lifeline closes."""
     kernel.hide_memory()
     poll = select.poll()
     poll.register(heard, select.POLLIN)

@@ -1,4 +1,4 @@
-"""What the kernel takes from a process for good, by calls that Python has no names for. Linux only."""
+"""Restricts a process for good, by system calls that Python has no names for. Linux only."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def _prctl(option: int, *values: int) -> None:
 
 
 def unshare(flags: int) -> None:
-    """Leave namespaces for new ones; those of process ids are for children only.
+    """Move this process into new namespaces; a new namespace of process ids is for children only.
 
     Raises:
-        OSError: the kernel does not let this process.
+        OSError: the kernel refuses.
     """
     uid, gid = os.geteuid(), os.getegid()
     _checked(_libc.unshare(flags))
@@ -63,7 +63,7 @@ def unshare(flags: int) -> None:
 
 
 def may_unshare(flags: int) -> int:
-    """Return 0 if `unshare` works, else the number of the error. Tried by another process: it may fail half-way."""
+    """Return 0 if `unshare` works, else the error number. Tried in another process, because it may fail half-way."""
     pid = os.fork()
     if pid == 0:
         try:
@@ -79,10 +79,10 @@ def _write(path: str, text: str) -> None:
 
 
 def mount_read_only(scratch: str, scratch_bytes: int) -> None:
-    """Make all that is mounted read-only in this namespace, but for a scratch folder in memory.
+    """Make all mounts of this namespace read-only, except for a scratch folder in memory.
 
     Raises:
-        OSError: the kernel does not let this process, or is too old.
+        OSError: the kernel refuses, or is too old.
     """
     _mount("none", "/", "", _MS_REC | _MS_PRIVATE)
     options = f"size={scratch_bytes},mode=0700,nr_inodes=4096"
@@ -94,10 +94,10 @@ def mount_read_only(scratch: str, scratch_bytes: int) -> None:
 
 
 def mount_own_proc() -> None:
-    """Show the processes of this namespace, and no others, in /proc.
+    """Have /proc show only the processes of this namespace.
 
     Raises:
-        OSError: the kernel does not let this process, as in most containers.
+        OSError: the kernel refuses, as in most containers.
     """
     _mount("proc", "/proc", "proc", _MS_NOSUID | _MS_NODEV | _MS_NOEXEC)
 
@@ -113,15 +113,15 @@ def die_with_parent() -> None:
 
 
 def hide_memory() -> None:
-    """Let no process of the same user look into this one, or trace it."""
+    """Prevent processes of the same user from reading this one's memory, and from tracing it."""
     _prctl(_PR_SET_DUMPABLE, 0)
 
 
 def drop_rights() -> None:
-    """Give up all capabilities, and every way to get some: programs that change the user have no effect any more.
+    """Give up all capabilities, and every way to get some: programs that change the user no longer do so.
 
-    The right to read every file stays with whoever has it, and is what `restrict_files` restricts: a mission of root's
-    may lie in a user's folder.
+    A process that may read every file keeps that right, which `restrict` limits: a mission that root runs may be in a
+    user's folder.
     """
     _prctl(_PR_SET_NO_NEW_PRIVS, 1)
     for capability in range(_CAPABILITIES):
@@ -142,7 +142,7 @@ _FILE_RIGHTS_BY_ABI: Final = ((1, (1 << 13) - 1), (2, 1 << 13), (3, 1 << 14), (5
 _OF_FILES: Final = _EXECUTE | _WRITE_FILE | _READ_FILE | 1 << 14 | 1 << 15
 READ: Final = _EXECUTE | _READ_FILE | _READ_DIR
 WRITE: Final = (1 << 15) - 1
-"""All but calls to devices."""
+"""All rights, except calls to devices."""
 
 TCP_ABI: Final = 4
 SCOPE_ABI: Final = 6
@@ -154,14 +154,14 @@ def landlock_abi() -> int:
 
 
 def restrict(allowed: Iterable[tuple[str, int]], *, tcp: bool) -> None:
-    """Take all files but some from this process, and, where the kernel can, TCP and other processes.
+    """Deny this process all files except some, and, if the kernel can, TCP and access to other processes.
 
     Args:
-        allowed: paths, of which those that are not there are left out, and what may be done with what is below them.
-        tcp: whether to take TCP.
+        allowed: paths, with the rights to files below them; missing paths are left out.
+        tcp: whether to deny TCP.
 
     Raises:
-        OSError: the kernel does not offer it.
+        OSError: the kernel does not offer this.
     """
     abi = landlock_abi()
     rights = sum(bits for since, bits in _FILE_RIGHTS_BY_ABI if abi >= since)
@@ -191,7 +191,7 @@ def _allow(rules: int, path: str, rights: int) -> None:
 
 _SOCKET: Final = "socket"
 _CALLS: Final[Mapping[str, tuple[int, Mapping[str, int]]]] = {
-    # The machine's number in filters, and the numbers of calls on it.
+    # By machine: its number in filters, and the numbers of its system calls.
     "x86_64": (0xC000003E, {
         _SOCKET: 41, "ptrace": 101, "pivot_root": 155, "mount": 165, "umount2": 166, "add_key": 248,
         "request_key": 249, "keyctl": 250, "unshare": 272, "perf_event_open": 298, "open_by_handle_at": 304,
@@ -208,14 +208,14 @@ _CALLS: Final[Mapping[str, tuple[int, Mapping[str, int]]]] = {
     }),
 }  # fmt: skip
 _NEW_CALLS: Final = (425, 428, 429, 430, 442)
-"""Of every machine: io_uring_setup, whose rings make sockets too, and open_tree, move_mount, fsopen, mount_setattr."""
+"""On every machine: io_uring_setup, whose rings can make sockets, open_tree, move_mount, fsopen, mount_setattr."""
 
 _CLONE3: Final = 435
-"""Its arguments are out of a filter's sight; where it seems not to be known, libraries use `clone`."""
+"""Filters cannot see its arguments; libraries use `clone` if this call seems to be unknown."""
 
 _ONESELF: Final = ((0, -1, (0,)),)
 _ALLOWED_IF: Final[Mapping[str, Sequence[tuple[int, int, Sequence[int]]]]] = {
-    # A pair of packet sockets, unlike streams and sequences of packets, may talk to any Unix socket besides.
+    # Paired datagram sockets, unlike SOCK_STREAM and SOCK_SEQPACKET, may also send to any Unix socket.
     "socketpair": ((0, -1, (1,)), (1, 0xF, (1, 5))),
     "clone": ((0, 0x7E020000, (0,)),),
     **dict.fromkeys(
@@ -224,9 +224,9 @@ _ALLOWED_IF: Final[Mapping[str, Sequence[tuple[int, int, Sequence[int]]]]] = {
     "setpriority": ((0, -1, (0,)), (1, -1, (0,))),
     "ioprio_set": ((0, -1, (1,)), (1, -1, (0,))),
 }
-"""Calls that are allowed if all these arguments (number, mask) are among these values: no new namespaces, and what is
-changed of a process is one's own. Nobody else's limits and priorities, which where there is no namespace of process ids
-would end the supervisor, or starve it."""
+"""Calls that are allowed if each of these arguments (number, mask) has one of these values: no new namespaces, and no
+changes of other processes' limits and priorities, which without a namespace of process ids could end the supervisor, or
+starve it."""
 
 _LOAD, _AND, _EQUAL, _AT_LEAST, _RETURN = 0x20, 0x54, 0x15, 0x35, 0x06
 _ALLOW, _REFUSE, _UNKNOWN = 0x7FFF0000, 0x00050000 | errno.EPERM, 0x00050000 | errno.ENOSYS
@@ -242,13 +242,13 @@ def refuse_calls(*, sockets: bool) -> None:
     Pairs of connected sockets can still be made.
 
     Raises:
-        OSError: the kernel does not offer it, or the machine is not known here.
+        OSError: the kernel does not offer this, or the machine is not known here.
     """
     known = _CALLS.get(platform.machine())
     if known is None or struct.calcsize("P") != 8:
         raise OSError(f"the system calls of {platform.machine()} are not known")
     machine, calls = known
-    # What is told in another machine's numbers is refused as a whole.
+    # Calls with another machine's numbers are all refused.
     program: list[_Step] = [(_LOAD, 0, 0, _MACHINE), (_EQUAL, 1, 0, machine), (_RETURN, 0, 0, _REFUSE)]
     program += [(_LOAD, 0, 0, _NUMBER), (_AT_LEAST, 0, 1, _OTHER_ABI), (_RETURN, 0, 0, _REFUSE)]
     program += _if_called(_CLONE3, [(_RETURN, 0, 0, _UNKNOWN)])
@@ -262,7 +262,7 @@ def refuse_calls(*, sockets: bool) -> None:
 
 
 def _if_called(number: int, steps: Sequence[_Step]) -> list[_Step]:
-    """Return what judges one call; the steps end with a verdict."""
+    """Return the steps for one call; the given steps end with a verdict."""
     return [(_EQUAL, 0, len(steps), number), *steps]
 
 
@@ -270,7 +270,7 @@ def _judged(conditions: Sequence[tuple[int, int, Sequence[int]]] | None) -> list
     """Return the steps that allow a call if its arguments fulfil all conditions; without any, it is refused."""
     steps: list[_Step] = []
     for argument, mask, values in conditions or ():
-        # The lower half of an argument: both machines have it first, and none of these arguments has an upper one.
+        # The lower half of an argument, first on both machines; none of these arguments uses the upper half.
         steps += [(_LOAD, 0, 0, _ARGUMENTS + 8 * argument), (_AND, 0, 0, mask & 0xFFFFFFFF)]
         steps += [(_EQUAL, len(values) - index, 0, value) for index, value in enumerate(values)]
         steps += [(_RETURN, 0, 0, _REFUSE)]

@@ -1,4 +1,4 @@
-"""Which files a boxed process may read: what Python and its libraries are made of, and what may be imported."""
+"""The files that a sandboxed process may read: Python, its libraries, and importable modules."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _IMPORTED: Final = (".py", ".pyc", ".so")
 
 
 def readable(entries: Iterable[str], also: Iterable[str]) -> list[str]:
-    """Return what may be read, files and folders."""
+    """Return the files and folders that may be read."""
     libraries = os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
     found = [*_SYSTEM, sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix]
     found += [str(Path(sys.executable).resolve().parent.parent), *filter(None, libraries)]
@@ -27,7 +27,7 @@ def readable(entries: Iterable[str], also: Iterable[str]) -> list[str]:
 
 
 def _narrowed(path: Path) -> Iterator[str]:
-    """Yield a path, or of a folder that holds more than a mission, such as a user's home, the modules in it."""
+    """Yield a path; for a folder in the user's home or the folder for temporary files, yield only the modules in it."""
     private = (Path.home().resolve(), Path(tempfile.gettempdir()).resolve())
     if not any(path == each or path in each.parents for each in private):
         yield str(path)
