@@ -1,1 +1,1 @@
-"""One mission on several hosts: the bus between its processes, and what they tell each other."""
+"""One mission on several hosts: the bus between its processes, and their messages."""

@@ -1,7 +1,7 @@
-"""The bus between processes of one mission: keys and bytes, nothing promised. What must not get lost goes by a channel.
+"""The bus between the processes of one mission: bytes under keys, without guarantees. Channels add reliability.
 
-A bus is chosen by name, as backends are; the code that speaks a vendor's protocol lives in an adapter, of which nothing
-is imported before a mission asks for it.
+A bus is chosen by name, as backends are; the code for a vendor's protocol is in an adapter, which is imported only
+for a mission that uses it.
 """
 
 from __future__ import annotations
@@ -18,54 +18,54 @@ from soter.errors import ConfigError, Garbage
 from soter.loading import known_target, load_named
 
 Hear = Callable[[str, bytes], None]
-"""Called with a key and what was published under it, in a thread of the bus; it must be quick and must not raise."""
+"""Called with a key and a payload published under it, in a thread of the bus; must be quick and must not raise."""
 
 
 class Bus(Protocol):
     """Carries small messages to all subscribers of their key. Messages may be lost, late, doubled, reordered.
 
-    Keys are names with slashes between, without a leading one: `soter/alpha/status`.
+    Keys are names with slashes between them: `soter/alpha/status`.
 
     Attributes:
-        options_model: what `open` takes, checked where a mission is read.
+        options_model: the class of `open`'s options, which are checked when a mission is read.
     """
 
     options_model: ClassVar[type[BaseModel]]
 
     @classmethod
     def open(cls, options: Any) -> Self:
-        """Open it; others may not be there yet, and may come and go.
+        """Return an open bus; other processes may not be there yet, and may come and go.
 
         Args:
             options: an instance of `options_model`.
 
         Raises:
             BackendUnavailable: a library is missing.
-            RobotUnavailable: it cannot be opened; the message says why, and what to do.
+            RobotUnavailable: the bus cannot be opened; the message says why, and what to do.
         """
 
     def publish(self, key: str, payload: bytes) -> None:
-        """Send it to all subscribers. Never waits and never raises; where it cannot be sent, it is lost."""
+        """Send a payload to all subscribers. Never waits and never raises; if it cannot be sent, it is lost."""
 
     def subscribe(self, key: str, hear: Hear) -> None:
-        """Hear what is published under a key from now on. A `*` stands for any one part of a key."""
+        """Call `hear` from now on with payloads published under a key. A `*` stands for any one part of a key."""
 
     def close(self) -> None:
-        """Leave. Nothing is heard afterwards. Idempotent."""
+        """Leave the bus. Nothing is heard afterwards. Idempotent."""
 
 
 BUILT_IN: Final[Mapping[str, str]] = {"zenoh": "soter.adapters.zenoh.bus:ZenohBus"}
 
 
 def bus_class(name: str, source: str | None = None) -> type[Bus]:
-    """Import and return a bus.
+    """Import and return the class of a bus.
 
     Args:
         name: a built-in name, or `module:Class`.
         source: the mission file, for error messages.
 
     Raises:
-        ConfigError: there is none of that name, or what is there is none.
+        ConfigError: there is no bus of that name.
     """
 
     def refused(why: str) -> ConfigError:
@@ -81,11 +81,11 @@ def bus_class(name: str, source: str | None = None) -> type[Bus]:
 
 
 def open_bus(name: str, common: Mapping[str, Any], own: Mapping[str, Any], process: str, source: str | None) -> Bus:
-    """Open a bus for one process, with the options of all and those that it has in their place.
+    """Open a bus for one process, with the common options, and its own options in place of some.
 
     Raises:
         ConfigError: an option that the bus does not have or allow.
-        BackendError: it cannot be opened.
+        BackendError: the bus cannot be opened.
     """
     kind = bus_class(name, source)
     key = f"distribution.processes.{process}.bus" if own else "distribution.bus"
@@ -97,11 +97,11 @@ logger = logging.getLogger(__name__)
 M = TypeVar("M")
 
 MAX_HELD: Final = 256
-"""Messages that wait to be looked at, the newest: a sender that is faster than its reader loses some."""
+"""Most messages that wait to be read; of a sender that is faster than its reader the oldest are lost."""
 
 
 class Received(NamedTuple, Generic[M]):
-    """A message, the key it was published under, and when it came, on the listener's clock."""
+    """A message, its key, and the time of its arrival on the listener's clock."""
 
     key: str
     message: M
@@ -109,16 +109,16 @@ class Received(NamedTuple, Generic[M]):
 
 
 class BusInbox(Generic[M]):
-    """Keeps what comes, with the time at which it came, until the thread that it is for takes it.
+    """Keeps messages with their times of arrival, until the reading thread takes them.
 
     Args:
-        bus: where from.
-        key: of what to hear, as the bus takes it.
-        decode: raises `Garbage` for what is no message.
-        now: the listener's clock; asked in the bus's thread.
+        bus: the bus.
+        key: the key to subscribe to.
+        decode: decodes a payload; raises `Garbage` if it is no message.
+        now: the listener's clock; called in the bus's thread.
 
     Attributes:
-        garbage: how many messages were none. The first is logged.
+        garbage: how many payloads were no messages. The first is logged.
     """
 
     def __init__(self, bus: Bus, key: str, decode: Callable[[bytes], M], now: Callable[[], float]) -> None:
@@ -129,7 +129,7 @@ class BusInbox(Generic[M]):
         bus.subscribe(key, self._hear)
 
     def take(self) -> list[Received[M]]:
-        """Return what has come since the last time, oldest first; no more than was there at the beginning."""
+        """Return the messages since the last call, oldest first; without those that arrive during this call."""
         heard = []
         for _ in range(len(self._held)):
             key, data, received_s = self._held.popleft()

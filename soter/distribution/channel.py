@@ -1,9 +1,9 @@
-"""A channel between two processes over a bus that loses, doubles, delays and reorders: messages once each, in order.
+"""Reliable channels over a bus that loses, doubles, delays and reorders: each message arrives once, and in order.
 
-Messages are machine events in MessagePack: what a task planner and robot agents elsewhere tell each other. They are
-decoded into these types or refused; who sends is named by the key that they came under.
+Messages are machine events in MessagePack, between a task planner and robot agents in other processes. They are decoded
+into these types or refused; the key of a message names its sender.
 
-One end a process and peer. Nothing here has a clock, a thread or a bus: frames and the time are handed in and out.
+A process has one `Channel` for each peer, without clock, thread or bus: frames and the time are handed in and out.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from soter.sdk.values import MAX_COORDINATE_M
 
 MAX_FRAME_BYTES: Final = 1 << 14
 MAX_MESSAGES: Final = 16
-"""Messages in one frame; the rest goes with the next."""
+"""Most messages in one frame; the rest goes with the next frame."""
 
 Coordinate = Annotated[float, msgspec.Meta(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 
 MAX_REASON: Final = 100
-"""Characters; so that a frame of the longest messages is no longer than `MAX_FRAME_BYTES`."""
+"""Longest reason in characters: a frame of the longest messages is no longer than `MAX_FRAME_BYTES`."""
 
 Reason = Annotated[str, msgspec.Meta(max_length=MAX_REASON)]
 
@@ -39,7 +39,7 @@ class _ReliableMessage(msgspec.Struct, frozen=True, array_like=True, forbid_unkn
 
 
 class VisitMessage(_ReliableMessage, tag="visit", frozen=True):
-    """To a robot's process: the robot is to go there."""
+    """To a robot's process: the robot is to go to a target."""
 
     robot_id: Id
     target_id: Id
@@ -50,7 +50,7 @@ class VisitMessage(_ReliableMessage, tag="visit", frozen=True):
 
 
 class Joined(_ReliableMessage, tag="joined", frozen=True):
-    """To a robot's process: its robot is told of another."""
+    """To a robot's process: another robot has joined."""
 
     robot_id: Id
     other_id: Id
@@ -70,17 +70,17 @@ ReliableMessage = VisitMessage | Joined | Ended
 
 
 class ChannelFrame(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
-    """What one end of a channel sends at once.
+    """One frame from an end of a channel.
 
     Attributes:
-        epoch: which start of the sender this is; a number that no other start has.
-        to: which start of the receiver it is meant for; 0 for whichever there is.
-        mission: what the sender runs; only processes of one mission talk.
+        epoch: the start of the sender's process; a number that no other start has.
+        to: the start of the receiver that the frame is meant for; 0 for any.
+        mission: the sender's mission; only processes of one mission exchange messages.
         ask: a number that the receiver is to repeat, which shows that it lives; 0 for none.
-        answer: what the receiver has asked for; 0 for nothing.
-        taken: up to which number the receiver's messages have been taken.
+        answer: the number that the receiver has asked for; 0 for none.
+        taken: number of the receiver's latest message that has been taken.
         first: number of the first message; they are numbered from 1 without gaps.
-        messages: not acknowledged yet, oldest first.
+        messages: the messages that are not acknowledged yet, oldest first.
     """
 
     epoch: Id
@@ -97,46 +97,45 @@ _frame: Final = msgspec.msgpack.Decoder(ChannelFrame)
 
 
 def decode_frame(data: bytes) -> ChannelFrame:
-    """Decode a frame.
+    """Return the frame in bytes.
 
     Raises:
-        Garbage: it is none.
+        Garbage: the bytes are no frame.
     """
     return decoded(_frame, data, MAX_FRAME_BYTES, "frame")
 
 
 REPEAT_S: Final = 0.2
-"""What is not acknowledged is sent again after so long, and so is a question that nobody has answered."""
+"""Time after which messages without acknowledgement, and questions without an answer, are sent again."""
 
 ALIVE_S: Final = 1.0
-"""An end with nothing to say says so this often."""
+"""Longest time between two frames of an end without messages."""
 
 MAX_WAITING: Final = 1000
-"""Messages that may wait to be acknowledged; task planner and robots have a few under way."""
+"""Most messages that may wait for acknowledgement; task planner and robots have a few under way."""
 
 
 @dataclass(frozen=True, slots=True)
 class Came:
-    """The other end is there, for the first time or after a new start. Messages to an earlier start are gone."""
+    """The other end has connected, for the first time or after a restart. Messages to an earlier start are dropped."""
 
 
 class Channel:
-    """One end.
+    """One end of a channel.
 
-    A process that starts anew has a new epoch, and with it all begins anew: numbers, and messages not yet acknowledged
-    are dropped, since they were for somebody who is no more. Whoever hears an epoch that it does not know asks it to
-    repeat a number first: a frame that was under way for long cannot do that, so that nobody ever turns back to a
-    process that has ended.
+    A restarted process has a new epoch. With it numbers begin anew, and messages without acknowledgement are dropped,
+    since they were for the earlier start. An end that hears an unknown epoch first asks it to repeat a number: an old,
+    delayed frame cannot do that, so that no end ever turns back to a process that has ended.
 
-    Both ends live once: of two processes with one name no messages would arrive in order.
+    Each end must run only once: from two processes with one name messages would not arrive in order.
 
     Args:
-        epoch: of this process; above 0.
-        mission: what it runs; frames of another mission are ignored.
+        epoch: this process's epoch; above 0.
+        mission: this process's mission; frames of another mission are ignored.
         draw: returns a number above 0 that was not used before.
 
     Attributes:
-        foreign: the mission of the last frame that was ignored for it; empty while there was none.
+        foreign: the mission of the last frame that was ignored because of its mission; empty without one.
     """
 
     def __init__(self, epoch: int, mission: str, draw: Callable[[], int]) -> None:
@@ -145,26 +144,26 @@ class Channel:
         self._mission: Final = mission
         self._draw: Final = draw
         self._peer = 0
-        self._candidate = (0, 0)  # an epoch, and what it was asked to repeat
-        self._answer = (0, 0)  # an epoch that has asked, and what it wants repeated
+        self._candidate = (0, 0)  # an epoch, and the number that it was asked to repeat
+        self._answer = (0, 0)  # an epoch that has asked, and the number to repeat
         self._waiting: Final[deque[ReliableMessage]] = deque()
-        self._first = 1  # the number of the first that waits
+        self._first = 1  # the number of the first waiting message
         self._taken = 0
         self._owes_frame = False
         self._sent_s = -math.inf
         self._asked_s = -math.inf
-        self._fresh = False  # something waits that was never sent
+        self._fresh = False  # whether a waiting message was never sent
 
     @property
     def there(self) -> bool:
-        """Whether the other end has been there, and can be sent messages; it may have ended meanwhile."""
+        """Whether the other end has connected, and can be sent messages; it may have ended meanwhile."""
         return self._peer != 0
 
     def send(self, message: ReliableMessage) -> None:
         """Send to the other end's present incarnation; dropped if none has connected.
 
         Raises:
-            OverflowError: too many wait.
+            OverflowError: too many messages wait.
         """
         if not self.there:
             return
@@ -174,7 +173,7 @@ class Channel:
         self._fresh = True
 
     def take(self, frame: ChannelFrame) -> list[ReliableMessage | Came]:
-        """Take a frame; return what follows from it, in order."""
+        """Take a frame; return the messages that it delivers, in order, after a `Came` if the other end is new."""
         if frame.mission != self._mission:
             self.foreign = frame.mission
             return []
@@ -183,7 +182,7 @@ class Channel:
         came: list[ReliableMessage | Came] = []
         mine = frame.to == self._epoch
         if frame.ask and frame.to in (0, self._epoch):
-            # Whoever asked before may be long gone; if not, it asks again.
+            # An earlier asker may be gone; if not, it asks again.
             self._answer = (frame.epoch, frame.ask)
         if frame.epoch != self._peer:
             epoch, asked = self._candidate
@@ -205,7 +204,7 @@ class Channel:
         return came
 
     def due(self, now_s: float) -> list[ChannelFrame]:
-        """Return the frames that are to be sent now; none most of the time."""
+        """Return the frames that are to be sent now; mostly none."""
         frames = []
         epoch, asked = self._candidate
         if epoch and now_s - self._asked_s >= REPEAT_S:
@@ -228,7 +227,7 @@ class Channel:
         return frames
 
     def _answered(self, epoch: int) -> int:
-        """Return what is to be repeated to an epoch, which then is done with; 0 for nothing."""
+        """Return and forget the number to repeat to an epoch; 0 for none."""
         asker, asked = self._answer
         if asker != epoch:
             return 0
@@ -248,7 +247,7 @@ class Channel:
         while self._waiting and self._first <= taken:
             self._waiting.popleft()
             self._first += 1
-            # The next ones need not wait until those before them would have been repeated.
+            # The next messages are sent at once, without waiting for the time of a repetition.
             self._fresh = bool(self._waiting)
 
 
@@ -263,7 +262,7 @@ def new_epoch() -> int:
 
 
 class ReliableChannel:
-    """Sends and delivers messages. One thread, but for what the bus does."""
+    """Sends messages to other processes, and delivers theirs. One thread, except for the bus's."""
 
     def __init__(self, bus: Bus, prefix: str, me: str, others: Iterable[str], mission: str) -> None:
         self._bus: Final = bus
@@ -275,11 +274,11 @@ class ReliableChannel:
         self._inbox: Final = BusInbox(bus, f"{prefix}/*/messages/{me}", decode_frame, lambda: 0.0)
 
     def send(self, to: str, message: ReliableMessage) -> None:
-        """Have a message delivered to a process as it lives now; dropped while it has not come."""
+        """Send a message to the present start of a process; dropped if the process has not connected."""
         self._channels[to].send(message)
 
     def pump(self, now_s: float) -> list[tuple[str, ReliableMessage | Came]]:
-        """Take what has come and send what is due; return what was delivered, with the process that it is from."""
+        """Take received frames and send due ones; return the delivered messages, each with its sender's name."""
         delivered: list[tuple[str, ReliableMessage | Came]] = []
         for key, frame, _ in self._inbox.take():
             sender = key.removeprefix(f"{self._prefix}/").partition("/")[0]

@@ -1,4 +1,4 @@
-"""The processes of a mission among each other: each tells its statuses at every tick and hears those of the others."""
+"""Exchanges statuses between a mission's processes: each publishes its own at every tick, and hears the others'."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from soter.rta import PEER_SILENT_S, ReachModel
 logger = logging.getLogger(__name__)
 
 _DUPLICATE_S: Final = 0.3
-"""What a process of one's own name says for so long is not only what an earlier start of oneself has left behind."""
+"""Statuses under this process's own name for longer than this are not leftovers of an earlier start."""
 
 _FOREIGN: Final = "runs another mission, or another version of its file or of SOTER"
 
 Promised = Mapping[int, tuple[ReachModel, float]]
-"""By robot: the reach model and the position noise that are promised for it."""
+"""By robot id: the promised reach model and position noise."""
 
 
 class PeerGroup:
-    """What this process tells, and what it hears. Belongs to the supervisor's thread; nothing here waits.
+    """Publishes this process's statuses, and hears the others'. Supervisor's thread only; nothing here waits.
 
     Args:
-        bus: closed with it.
+        bus: the bus, which is closed with this group.
         prefix: of all keys of this mission.
         me: this process's name.
-        others: the other processes with what is promised for their robots.
-        mission: what this process runs; statuses of another mission are ignored.
+        others: by name of each other process, the promises of its robots.
+        mission: this process's mission; statuses of another mission are ignored.
         clock: this process's fleet time; thread-safe.
     """
 
@@ -48,7 +48,7 @@ class PeerGroup:
         self._clock: Final = clock
         self._key: Final = f"{prefix}/{me}/status"
         self._serial = 0
-        self._duplicate: tuple[int, float, float] | None = None  # epoch, its first sending time, when that was received
+        self._duplicate: tuple[int, float, float] | None = None  # epoch, its first sending time, that status's arrival
         self._has_duplicate = False
         self._restarts: Final[dict[str, int]] = {}
         self._foreign: Final[set[str]] = set()
@@ -61,7 +61,7 @@ class PeerGroup:
         self._inbox: Final = BusInbox(bus, f"{prefix}/*/status", decode_status, clock.now)
 
     def look(self) -> None:
-        """Take what has come. To be called before a tick."""
+        """Take the received statuses. To be called before a tick."""
         for _, status, received_s in self._inbox.take():
             other = self.others.get(status.process)
             if other is not None:
@@ -71,7 +71,7 @@ class PeerGroup:
                 self._look_at_duplicate(status, received_s)
 
     def tell(self, robots: Sequence[RobotStatus]) -> None:
-        """Tell the others of a tick. Never waits."""
+        """Publish the status of a tick. Never waits."""
         now_s = self._clock.now()
         self._serial += 1
         echoes = tuple(echo for other in self.others.values() for echo in other.echoes(now_s))
@@ -82,7 +82,7 @@ class PeerGroup:
         self._bus.publish(self._key, encode(status))
 
     def missing(self, now_s: float, since_s: float = -math.inf) -> dict[str, str]:
-        """Return which processes are not there, and why, in words: both have to hear the other, after some time."""
+        """Return the missing processes, and why, in words: this process and another must hear each other."""
         missing = {}
         for name, other in self.others.items():
             if other.foreign:
@@ -94,7 +94,7 @@ class PeerGroup:
         return missing
 
     def has_duplicate(self) -> bool:
-        """Return whether another process of this name was heard that lives: two of them must not run."""
+        """Return whether another live process with this name was heard: two of them must not run."""
         return self._has_duplicate
 
     def close(self) -> None:

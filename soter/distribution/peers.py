@@ -1,9 +1,9 @@
-"""Another process as this one hears it: its robots' samples, how old they are at most, and what it has heard itself.
+"""The state of another process as heard here: its robots' samples with their largest ages, and what it has heard.
 
-No two clocks are compared. A process repeats what it heard last, and for how long it has had it. Who hears its own
-sending time `e` come back after having been held for `h` knows that the message was sent no earlier than `e + h`, and
-that a sample which was `a` old by then was taken no earlier than `e + h - a`, all on its own clock. So the age that
-follows is never too small, and too large by a round trip at most.
+No two clocks are compared. A process repeats the sending time of the latest status it heard, with how long ago it came.
+If a process gets its own sending time `e` back, held for `h`, the message was sent no earlier than `e + h`; a sample
+that was `a` old by then was taken no earlier than `e + h - a`, all on the receiver's clock. So the resulting age is
+never too small, and too large by at most a round trip.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from soter.rta.monitors import BrokenAssumption
 from soter.sdk import RobotState
 
 DRIFT: Final = 1e-3
-"""By which part two processes' clocks may go at different rates. Clocks of fleets follow crystals, and may be off by
-2e-4 each; the rest is slack. What is held is told for two seconds at most, which makes it two milliseconds at most."""
+"""Largest relative difference in rate between two processes' clocks. Fleet clocks follow quartz clocks, and may be off
+by 2e-4 each; the rest is slack. Echoes are sent for at most two seconds, so that they are off by at most 2 ms."""
 
 RECENT_S: Final = 2.0
-"""A start of a process that was heard within this time is told so; what is older is of no use to it."""
+"""How long a start of a process gets echoes after it was heard; older ones are of no use to it."""
 
 _ROUNDING_S: Final = 1e-6
 _MOST_STARTS: Final = 4
 _REMEMBERED: Final = 256
-"""Statuses of this process whose samples are remembered until they come back: more than ten seconds of ticks."""
+"""How many of this process's statuses are kept until their echoes come back: more than ten seconds of ticks."""
 
 
 class _Offset:
-    """By how much this process's clock is ahead of another's: every round trip bounds it from both sides.
+    """The offset of this process's clock from another's, which every round trip bounds from both sides.
 
-    It changes no faster than clocks may drift. Where two bounds contradict each other, one of the clocks did otherwise.
+    It changes no faster than clocks may drift. If two bounds contradict each other, one of the clocks has jumped.
     """
 
     __slots__ = ("_known_s", "_least_s", "_most_s")
@@ -48,7 +48,7 @@ class _Offset:
         self._least_s, self._most_s = -math.inf, math.inf
 
     def contradiction_s(self, now_s: float, least_s: float, most_s: float) -> float:
-        """Take the bounds of one more round trip; return by how much they contradict those before, 0 if they do not."""
+        """Take the bounds of one more round trip; return by how much they contradict the earlier ones, or 0."""
         slack_s = DRIFT * (now_s - self._known_s)
         before_s = self._least_s - slack_s, self._most_s + slack_s
         wrong_s = max(before_s[0] - most_s, least_s - before_s[1])
@@ -62,16 +62,16 @@ class _Offset:
 
 @dataclass
 class _Start:
-    """One start of the other process, as it was heard last.
+    """One start of the other process.
 
     Attributes:
-        status: its latest.
+        status: its latest status.
         received_s: when that was received, on this process's clock.
-        sent_s: when it was sent at the earliest, on this process's clock; minus infinity before it has heard of this
-            process.
-        heard: the stamps of this process's samples that it has heard last, by robot.
-        offset: what is known of its clock.
-        was_current: whether it has been believed to be the one that lives.
+        sent_s: when that was sent at the earliest, on this process's clock; minus infinity before the other process has
+            heard this one.
+        heard: by robot id, the stamps of this process's samples that the other has heard last.
+        offset: the bounds of its clock.
+        was_current: whether it has been taken for the live start before.
     """
 
     status: Status
@@ -83,10 +83,10 @@ class _Start:
 
 
 class RemoteRobot:
-    """A robot of another process; a `soter.rta.RemotePeer`. Belongs to the supervisor's thread.
+    """A robot of another process; a `soter.rta.RemotePeer`. Supervisor's thread only.
 
     Attributes:
-        port: what planners are shown of it.
+        port: shows the robot to planners.
     """
 
     def __init__(self, robot_id: int, process: OtherProcess, monitor: PeerMonitor) -> None:
@@ -104,34 +104,34 @@ class RemoteRobot:
         return None if self._latest is None else self._latest.state
 
     def heard_of(self, robot_id: int) -> float:
-        """Return the stamp of the latest sample of this process's robot that the other is known to have heard."""
+        """Return the stamp of this process's robot's latest sample that the other process is known to have heard."""
         return self._process.heard_of(robot_id)
 
     def needs_charge(self) -> bool:
-        """Return whether it is on its way to charge, and low."""
+        """Return whether the robot is on its way to charge, with a low charge."""
         return self._latest is not None and self._latest.needs_charge
 
     @property
     def driver(self) -> str:
-        """The module that drives it; empty for its AC, and before it was heard."""
+        """The module that drives the robot; empty for its AC, and before it was heard."""
         return "" if self._latest is None else self._latest.driver
 
     def found(self) -> BrokenAssumption | None:
-        """Return what is wrong with what was reported of it, and forget it."""
+        """Return and forget the latest broken assumption about the robot's samples; None without one."""
         found, self._found = self._found, None
         return found
 
     def distrust(self, cause: str) -> None:
-        """Note that the stamps of its samples cannot be right."""
+        """Note that the stamps of the robot's samples cannot be right."""
         self._found = BrokenAssumption(Assumption.CLOCK, f"robot {self.robot_id}: {cause}")
 
     def take(self, status: RobotStatus, stamp_s: float, *, anew: bool) -> None:
-        """Take what a status says of it.
+        """Take the robot's part of a status.
 
         Args:
-            status: what it says.
+            status: the robot's status.
             stamp_s: when the sample was taken at the earliest, on this process's clock.
-            anew: the other process has started anew, and so has its clock.
+            anew: whether the other process, and its clock, have restarted.
         """
         reported, before = status.state, self._latest
         last, self._reported = (None if anew else self._reported), reported
@@ -141,13 +141,13 @@ class RemoteRobot:
             self._reported = last
             return
         if last is None or reported.stamp_s > last.stamp_s:
-            # With the stamps that it was given where it was taken: those on this clock are bounds, which say nothing
-            # about the time between two samples.
+            # With the stamps of the robot's own process: those on this clock are bounds, and do not give the time
+            # between two samples.
             found = self._monitor.look(reported.stamp_s, [reported])
             if last is not None:
                 self._found = found.get(self.robot_id, self._found)
-        # A later sample was not taken earlier: what is known of the one before holds for it too. Which is later, only
-        # stamps of one start say: of two processes with one name each may be believed in turn.
+        # The bound of an earlier sample holds for a later one too. Only stamps of one start tell which is later: two
+        # processes with one name may be taken for the live one in turn.
         self._at_least_s = stamp_s if anew else max(stamp_s, self._at_least_s)
         if before is not None and self._at_least_s < before.state.stamp_s:
             return
@@ -158,21 +158,21 @@ class RemoteRobot:
 
 
 class OtherProcess:
-    """Everything that is heard of one other process. One thread: the supervisor's.
+    """One other process, by its statuses. Supervisor's thread only.
 
     Args:
-        name: which process.
-        robots: the robots that it supervises, by the mission file, with the reach model and the position noise that
-            are promised for each.
+        name: its name.
+        robots: the robots that it supervises by the mission file, with the promised reach model and position noise of
+            each.
         me: this process's name.
-        epoch: of this start.
-        mission: what this process runs.
+        epoch: this process's start.
+        mission: this process's mission.
 
     Attributes:
-        robots: by id.
-        starts: how many starts of it have been heard; more than 1 when it was restarted.
-        foreign: the mission that it runs if that is another; empty otherwise.
-        strangers: statuses that were ignored, because they concern robots that are not the other's.
+        robots: its robots, by id.
+        starts: how many of its starts have been heard; more than 1 after a restart.
+        foreign: its mission if that is not ours; empty otherwise.
+        strangers: how many statuses were ignored because they name robots of no or another process.
     """
 
     def __init__(
@@ -195,31 +195,31 @@ class OtherProcess:
 
     @property
     def heard_s(self) -> float:
-        """When it was last heard, and known not to come late; minus infinity before it has heard of this process."""
+        """Earliest possible sending time of its latest status; minus infinity before it has heard this process."""
         start = self._starts.get(self._current)
         return -math.inf if start is None else start.sent_s
 
     @property
     def has_heard_us(self) -> bool:
-        """Whether it has said that it hears this process."""
+        """Whether it has reported that it hears this process."""
         return self._current != 0
 
     @property
     def heard_at_all(self) -> bool:
-        """Whether anything of it was ever heard."""
+        """Whether it was ever heard."""
         return bool(self._starts)
 
     def note(self, sent_s: float, stamps: Mapping[int, float]) -> None:
-        """Remember what this process has told: the stamps of its robots' samples, by robot."""
+        """Remember a status of this process: its sending time, and the stamps of its robots' samples, by id."""
         self._sent.append((sent_s, stamps))
 
     def heard_of(self, robot_id: int) -> float:
-        """Return the stamp of the latest sample of a robot of this process that the other has said it heard."""
+        """Return the stamp of the latest sample of this process's robot that the other has reported to have heard."""
         start = self._starts.get(self._current)
         return -math.inf if start is None else start.heard.get(robot_id, -math.inf)
 
     def take(self, status: Status, received_s: float) -> None:
-        """Take a status that was received at a time of this process's clock; what comes late or twice is ignored."""
+        """Take a status with its time of arrival on this process's clock; late and double ones are ignored."""
         if status.mission != self._mission:
             self.foreign = status.mission
             return
@@ -239,7 +239,7 @@ class OtherProcess:
         self._forget()
 
     def echoes(self, now_s: float) -> list[Echo]:
-        """Return what to tell it of itself, now."""
+        """Return the echoes to send to it now."""
         return [
             Echo(self.name, epoch, start.status.sent_s, max(0.0, now_s - start.received_s))
             for epoch, start in self._starts.items()
@@ -259,7 +259,7 @@ class OtherProcess:
                 break
         current = self._starts.get(self._current)
         anew = current is not start
-        # A late word of a start that has ended must not silence the one that lives.
+        # A late status of a start that has ended must not replace the live start.
         if anew and current is not None and current.sent_s >= start.sent_s:
             return
         if anew:

@@ -1,4 +1,4 @@
-"""What a process tells the others at every tick: where its robots are, and what it has heard of whom. MessagePack.
+"""The status that a process publishes at every tick: its robots, and echoes of what it has heard. MessagePack.
 
 Decoded into these types or refused. Times are in seconds of the sender's own fleet time unless said otherwise.
 """
@@ -16,26 +16,26 @@ from soter.sdk import RobotState
 from soter.sdk.values import MAX_COORDINATE_M
 
 VERSION: Final = 3
-"""Of statuses and messages; it changes when they do, and processes of different versions do not talk."""
+"""Version of statuses and messages; processes of different versions do not exchange any."""
 
 MAX_STATUS_BYTES: Final = 1 << 15
 MAX_ROBOTS: Final = 64
 MAX_ECHOES: Final = 64
 
 _AHEAD_S: Final = 0.1
-"""How far a stamp may be ahead of the clock that sends it, as for any robot."""
+"""How far a stamp may be ahead of the sender's clock, as for any robot."""
 
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 
 
 class Echo(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
-    """What was heard last of another process, and how long ago.
+    """The sending time of the latest status heard from another process, and how long ago it came.
 
     Attributes:
-        process: which one.
-        epoch: which start of it.
+        process: the other process.
+        epoch: its start.
         sent_s: the `sent_s` of its status, in its own time.
-        held_s: for how long the sender has had it, at most.
+        held_s: the longest time since that status came.
     """
 
     process: Text
@@ -49,9 +49,9 @@ class RobotStatus(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_f
 
     Attributes:
         state: its latest sample.
-        engaged: whether its AC has control.
+        engaged: whether its AC is active.
         driver: the module that drives it; empty for the AC.
-        needs_charge: whether it is on its way to charge, and low.
+        needs_charge: whether it is on its way to charge, with a low charge.
     """
 
     state: RobotState
@@ -65,12 +65,12 @@ class Status(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fields
 
     Attributes:
         process: the sender.
-        epoch: which start of it; a number that no other start has.
-        mission: what it runs.
-        serial: counts what this start has sent.
+        epoch: the sender's start; a number that no other start has.
+        mission: the sender's mission.
+        serial: counts the statuses of this start.
         sent_s: when it was sent.
-        robots: all that the sender supervises.
-        echoes: of all processes that it has heard of late.
+        robots: all robots that the sender supervises.
+        echoes: of all processes that the sender has heard recently.
     """
 
     process: Text
@@ -86,10 +86,10 @@ _status: Final = msgspec.msgpack.Decoder(Status)
 
 
 def decode_status(data: bytes) -> Status:
-    """Decode a status, and check that its numbers can be meant.
+    """Return the status in bytes, after a check of its numbers.
 
     Raises:
-        Garbage: it is none, or one of its numbers is not finite or absurd.
+        Garbage: the bytes are no status, or a number is not finite or absurd.
     """
     status = decoded(_status, data, MAX_STATUS_BYTES, "status")
     if not math.isfinite(status.sent_s) or not all(math.isfinite(echo.sent_s) for echo in status.echoes):
