@@ -1,4 +1,4 @@
-"""Injected faults: the `[[fault]]` tables of a mission file, on any backend."""
+"""Fault injection by the `[[fault]]` tables of a mission file, on any backend."""
 
 from soter.faults.fault import Call, Context, Fault, FaultOptions, Impairable, Impairment, Passage, SentCommand, Spacing
 from soter.faults.kinds import BUILT_IN, FaultTable, read_faults

@@ -1,4 +1,4 @@
-"""What a fault is: something between SOTER and one robot that spoils commands, samples, or the vehicle itself."""
+"""The base of all faults, which act between SOTER and one robot: on commands, on samples, or on the vehicle itself."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class FaultOptions(Table):
 
     Attributes:
         kind: a built-in kind, or a class as `module:Class`.
-        robot: which robot suffers it: its id, or "all".
-        start_s: when it begins, in seconds after the robot is ready.
-        duration_s: how long it lasts; to the end of the run if it is not given.
-        every_s: it comes again so long after it began; once only if it is not given.
-        declared: the robot's promises are widened by what is injected, so that the safety modules pay for it. A fault
-            that is not declared breaks the promises: the stack is not told.
+        robot: the id of the affected robot, or "all".
+        start_s: when the fault begins, in seconds after the robot is ready.
+        duration_s: how long it lasts; by default to the end of the run.
+        every_s: time between two beginnings; by default the fault does not repeat.
+        declared: whether the robot's promise is widened by the fault, so that the safety modules allow for it. The
+            stack does not know of an undeclared fault, which breaks the promise.
     """
 
     kind: str
@@ -53,13 +53,13 @@ class FaultOptions(Table):
 
     @property
     def pause_s(self) -> float:
-        """How long it is off between two times that it is on; 0 without an end, infinite if it does not come again."""
+        """How long the fault is off between two times; 0 without an end, infinite without a repetition."""
         if self.duration_s is None:
             return 0.0
         return math.inf if self.every_s is None else self.every_s - self.duration_s
 
     def active(self, time_s: float) -> bool:
-        """Return whether the fault is on, so many seconds after the robot was ready."""
+        """Return whether the fault is on at a time in seconds after the robot was ready."""
         since_s = time_s - self.start_s + ROUNDING_S
         if since_s < 0.0:
             return False
@@ -70,13 +70,13 @@ class FaultOptions(Table):
         return since_s < self.duration_s
 
     def window(self, time_s: float) -> int | None:
-        """Return how often the fault has come again so many seconds after the robot was ready; None while it is off."""
+        """Return how often the fault has repeated at a time in seconds after the robot was ready; None if it is off."""
         if not self.active(time_s):
             return None
         return 0 if self.every_s is None else int((time_s - self.start_s + ROUNDING_S) // self.every_s)
 
     def end_s(self, time_s: float) -> float:
-        """Return when the fault ends that is on so many seconds after the robot was ready; infinite if it does not."""
+        """Return when a fault that is on at a time ends, in seconds after the robot was ready; infinite if never."""
         if self.duration_s is None:
             return math.inf
         since_s = time_s - self.start_s + ROUNDING_S
@@ -89,7 +89,7 @@ O = TypeVar("O", bound=FaultOptions)  # noqa: E741 - the options of one kind
 
 
 class Call(Enum):
-    """What a command asks of the robot."""
+    """The kinds of commands to a robot."""
 
     GOTO = "goto"
     HALT = "halt"
@@ -102,10 +102,10 @@ class SentCommand:
     """One command on its way to the robot.
 
     Attributes:
-        call: what is asked.
+        call: the kind of the command.
         goal: the goal to go to, or None.
-        target: where the goal is, as it will arrive; None without a goal.
-        to: the controller to put in charge, or None.
+        target: the goal's waypoint, as it will arrive; None without a goal.
+        to: the controller to make active, or None.
     """
 
     call: Call
@@ -115,12 +115,12 @@ class SentCommand:
 
 
 class Passage(NamedTuple):
-    """How a command gets through: once, later, or more than once; a command that is lost has no passage.
+    """One arrival of a command: a doubled command has several passages, a lost one has none.
 
     Attributes:
         command: the command as it arrives.
-        delay_s: how much later it arrives.
-        overtakes: it arrives at its time even if what was sent before it has not; else the order is kept.
+        delay_s: how late it arrives.
+        overtakes: whether it may arrive before earlier commands; else the order is kept.
     """
 
     command: SentCommand
@@ -129,13 +129,13 @@ class Passage(NamedTuple):
 
 
 class Impairment(NamedTuple):
-    """What is wrong with a vehicle. The best value of each field is its default.
+    """The defects of a vehicle. The defaults mean no defect.
 
     Attributes:
         left: part of the left wheel's motion that reaches the ground, from 0 to 1.
         right: the same of the right wheel.
         brake: part of the deceleration that the brakes still have, from 0 to 1.
-        alive: False: motors off, nothing answers, and nothing is remembered afterwards.
+        alive: False for a vehicle with motors off, which does not answer, and forgets everything.
     """
 
     left: float = 1.0
@@ -144,7 +144,7 @@ class Impairment(NamedTuple):
     alive: bool = True
 
     def joined(self, other: Impairment) -> Impairment:
-        """Return both at once."""
+        """Return the impairment of a vehicle that has both."""
         return Impairment(
             self.left * other.left, self.right * other.right, min(self.brake, other.brake), self.alive and other.alive
         )
@@ -152,21 +152,21 @@ class Impairment(NamedTuple):
 
 @runtime_checkable
 class Impairable(Protocol):
-    """A robot whose vehicle can be impaired; an optional hook that simulated robots in this process offer."""
+    """A robot whose vehicle can be impaired; an optional hook of robots simulated in this process."""
 
     def impair(self, left: float, right: float, brake: float, alive: bool) -> None:
-        """Impair the vehicle from now on; see `Impairment`. Ones and True make it whole again."""
+        """Impair the vehicle from now on; see `Impairment`. Ones and True end the impairment."""
 
 
 class Spacing(NamedTuple):
-    """What a fault does to how often new samples come, in readings of the state.
+    """A fault's effect on the time between new samples, in readings of the state.
 
-    New samples that come at most g readings apart come at most (dropped + 1) g + held apart behind the fault. The age
-    that `dropped` costs is paid for in `Fault.widened` for g = 1, and once more for every reading that g is above that.
+    New samples at most g readings apart are at most (dropped + 1) g + held apart behind the fault. `Fault.widened` adds
+    the age that `dropped` costs for g = 1; `widened` in `soter.faults.robot` adds as much for each reading beyond.
 
     Attributes:
-        dropped: how many new samples in a row never come through.
-        held: how many readings longer one may take to come through than another.
+        dropped: how many new samples in a row may be lost.
+        held: how many readings longer one sample may be delayed than another.
     """
 
     dropped: int = 0
@@ -175,12 +175,12 @@ class Spacing(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a fault knows besides its table.
+    """The circumstances of a fault, besides its table.
 
     Attributes:
-        robot_id: the robot that suffers it.
-        tick_s: how often samples are read.
-        random: its own source of random numbers; the same mission gives the same faults.
+        robot_id: the affected robot.
+        tick_s: time between two readings of the state.
+        random: the fault's own source of random numbers; the same mission gives the same faults.
     """
 
     robot_id: int
@@ -189,12 +189,12 @@ class Context:
 
 
 class Fault(Generic[O]):
-    """One fault of one robot. A kind overrides what it spoils; what it leaves alone passes.
+    """One fault of one robot. A kind overrides the methods for what it changes; the others pass everything unchanged.
 
-    Times are seconds after the robot was ready. Everything is called in the supervisor's thread.
+    Times are seconds after the robot was ready. Supervisor's thread only.
 
     Attributes:
-        affected: commands and samples that it has spoilt so far, or times that it has impaired the vehicle.
+        affected: number of commands and samples changed so far, or of times that the vehicle was impaired.
     """
 
     options_model: ClassVar[type[FaultOptions]]
@@ -207,33 +207,33 @@ class Fault(Generic[O]):
         self.affected = 0
 
     def widened(self, capabilities: Capabilities) -> Capabilities:
-        """Return what the robot can still promise while this fault may be on, if a new sample comes at every reading.
+        """Return the robot's promise with this fault, for a new sample at every reading.
 
-        Where new samples come more rarely, `spacing` says what that costs on top.
+        If new samples are rarer, `spacing` gives the additional cost.
         """
         return capabilities
 
     def spacing(self) -> Spacing:
-        """Return what this fault does to how often new samples come."""
+        """Return this fault's effect on the time between new samples."""
         return Spacing()
 
     def command(self, time_s: float, command: SentCommand) -> Sequence[Passage]:
-        """Return how a command gets through that is sent while the fault is on."""
+        """Return the arrivals of a command that is sent while the fault is on."""
         return (Passage(command),)
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
-        """Return the sample that is seen in place of the robot's latest, None for none.
+        """Return the sample to show in place of the robot's latest, or None for none.
 
-        It is called at every reading of the state, also while the fault is off: some remember what they have seen.
+        Called at every reading of the state, even while the fault is off: some faults remember earlier samples.
         """
         return sample
 
     def impairment(self) -> Impairment | None:
-        """Return what is wrong with the vehicle while the fault is on; None for nothing."""
+        """Return the vehicle's impairment while the fault is on; None for none."""
         return None
 
     def ticks(self, duration_s: float) -> int:
-        """Return how many readings of the state a duration takes: what is late is seen at the next of them."""
+        """Return a duration in readings of the state, rounded up: a late sample is seen at the next reading."""
         return max(0, math.ceil((duration_s - 1e-9) / self.context.tick_s))
 
     def up_to_ticks(self, duration_s: float) -> float:

@@ -1,4 +1,4 @@
-"""From the tables of a mission file to faults: kinds by name, or any other as `module:Class`."""
+"""Makes faults from the tables of a mission file: built-in kinds by name, or others as `module:Class`."""
 
 from __future__ import annotations
 
@@ -28,29 +28,29 @@ BUILT_IN: Final[Mapping[str, str]] = {
     "weak_brakes": "soter.faults.vehicle:WeakBrakes",
     "kill": "soter.faults.vehicle:Kill",
 }
-"""The kinds of this distribution."""
+"""The built-in kinds, and their classes."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultTable:
-    """One `[[fault]]` table that has been checked, with its place among them, from 0."""
+    """One checked `[[fault]]` table, with its index from 0."""
 
     index: int
     kind: type[Fault[Any]]
     options: FaultOptions
 
     def made_for(self, robot_id: int, seed: int, tick_s: float) -> Fault[Any]:
-        """Return the fault of one robot; its random numbers are drawn from the mission's seed."""
+        """Return the fault for one robot, with random numbers from the mission's seed."""
         random = Random(f"fault {self.index}, robot {robot_id}, seed {seed}")
         return self.kind(self.options, Context(robot_id, tick_s, random))
 
     def hits(self, robot_id: int) -> bool:
-        """Return whether a robot suffers it."""
+        """Return whether the fault affects a robot."""
         return self.options.robot in ("all", robot_id)
 
 
 def read_faults(mission: MissionFile, robot_ids: Sequence[int]) -> tuple[FaultTable, ...]:
-    """Check the `[[fault]]` tables of a mission, each with the model of its own kind.
+    """Return the `[[fault]]` tables of a mission, each checked with the model of its kind.
 
     Raises:
         ConfigError: an unknown kind, option or robot, or a value that is not allowed.
@@ -74,16 +74,16 @@ def read_faults(mission: MissionFile, robot_ids: Sequence[int]) -> tuple[FaultTa
 
 
 def _check_first_sample(mission: MissionFile, tables: Sequence[FaultTable], robot_id: int) -> None:
-    """Refuse a fault that hides a robot from the beginning: without a sample nothing is known of it, and no run begins.
+    """Refuse a fault that hides a robot from the beginning: a run cannot begin without a sample of each robot.
 
     Raises:
-        ConfigError: names the fault, and when it may begin.
+        ConfigError: there is one; names the fault, and when it may begin.
     """
     active = [table for table in tables if table.hits(robot_id) and table.options.active(0.0)]
     ready = RobotState(robot_id, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, None, None, Link.UP)
     faults = [table.made_for(robot_id, mission.seed, mission.base_tick_s) for table in active]
     for fault in faults:
-        # As when the robot gets ready.
+        # As in a run, where faults see a sample before they begin.
         fault.sample(0.0, False, ready)
     sample: RobotState | None = ready
     for table, fault in zip(active, faults, strict=True):

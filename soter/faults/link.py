@@ -1,4 +1,4 @@
-"""Faults of the link: what is sent comes late, not at all, or twice."""
+"""Faults of the link: commands and samples arrive late, not at all, or twice."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class DelayOptions(fault.FaultOptions):
     """Late commands, late samples.
 
     Attributes:
-        commands_s: every command arrives so much later.
-        samples_s: every sample does.
-        jitter_s: up to so much more, drawn for each; the order is kept.
+        commands_s: delay of every command.
+        samples_s: delay of every sample.
+        jitter_s: largest additional delay, drawn for each; the order is kept.
     """
 
     commands_s: fault.Seconds = 0.0
@@ -48,7 +48,7 @@ class Delay(fault.Fault[DelayOptions]):
 
     def widened(self, capabilities: Capabilities) -> Capabilities:
         options = self.options
-        # A jitter without a delay is one of both.
+        # A jitter without a delay is for both commands and samples.
         commands = options.commands_s > 0.0 or options.samples_s == 0.0
         late_s = self.up_to_ticks(self._latest_s)
         return replace(
@@ -59,13 +59,13 @@ class Delay(fault.Fault[DelayOptions]):
 
     def spacing(self) -> fault.Spacing:
         latest = self.ticks(self._latest_s)
-        # One that comes and goes again and again lets some samples through at once, and others late.
+        # A fault that repeats lets some samples through at once, and others late.
         soonest = self.ticks(self.options.samples_s) if self.options.every_s is None and latest else 0
         return fault.Spacing(held=latest - soonest)
 
     @property
     def _latest_s(self) -> float:
-        """How late samples come at most."""
+        """The longest delay of a sample."""
         options = self.options
         return options.samples_s + options.jitter_s if options.samples_s > 0.0 or options.commands_s == 0.0 else 0.0
 
@@ -99,10 +99,10 @@ class LossOptions(fault.FaultOptions):
     """Commands and samples that get lost.
 
     Attributes:
-        commands: how likely a transmission of a command is lost.
-        samples: the same of a sample.
+        commands: probability that a transmission of a command is lost.
+        samples: probability that a sample is lost.
         burst: most losses in a row; 0 for no limit, which no promise can cover.
-        resend: a lost command is sent again at the next tick, as links do that acknowledge; else it is gone.
+        resend: whether a lost command is sent again at the next tick, as on a link with acknowledgements.
     """
 
     commands: fault.Probability = 0.0
@@ -153,7 +153,7 @@ class Loss(fault.Fault[LossOptions]):
             return () if lost else (fault.Passage(command),)
         tick_s, end_s = self.context.tick_s, options.end_s(time_s)
         if options.commands == 1.0 and options.burst == 0:
-            # A link that is cut: what waits gets through when it is mended.
+            # A link that is cut: waiting commands get through at its end.
             self.affected += 1
             return (fault.Passage(command, end_s - time_s),) if end_s < math.inf else ()
         tries = 0
@@ -173,9 +173,9 @@ class Loss(fault.Fault[LossOptions]):
         return self._last
 
     def _drawn(self, probability: float, row: int) -> bool:
-        """Return whether this one is lost, after `row` losses before it."""
+        """Draw whether a transmission is lost, after `row` losses in a row."""
         burst = self.options.burst
-        # Drawn in any case: how many were lost before must not shift the numbers that others get.
+        # Drawn in any case, so that earlier losses do not shift the random numbers of later transmissions.
         lost = self.context.random.random() < probability and (burst == 0 or row < burst)
         self.affected += lost
         return lost
@@ -185,10 +185,10 @@ class DuplicateOptions(fault.FaultOptions):
     """Commands and samples that come twice.
 
     Attributes:
-        commands: how likely a command comes twice.
-        samples: how likely a sample comes again when a newer one should have come.
-        after_s: how long after a command its copy comes.
-        reorder: the copy does not hold up what was sent after the original: an old command acts after newer ones.
+        commands: probability that a command comes twice.
+        samples: probability that a sample comes again in place of a newer one.
+        after_s: time between a command and its copy.
+        reorder: whether later commands may overtake the copy, so that an old command acts after newer ones.
     """
 
     commands: fault.Probability = 0.0
@@ -222,7 +222,7 @@ class Duplicate(fault.Fault[DuplicateOptions]):
         options = self.options
         return replace(
             capabilities,
-            # In order, a copy holds up what comes after it; so do copies of copies, which are not made.
+            # In order, a copy delays the commands after it. There are no copies of copies.
             latency_s=capabilities.latency_s + (options.after_s if options.commands > 0.0 else 0.0),
             sample_age_s=capabilities.sample_age_s + (self.context.tick_s if options.samples > 0.0 else 0.0),
         )

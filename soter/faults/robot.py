@@ -1,4 +1,4 @@
-"""A robot with faults: it stands in front of any backend's robot and spoils what passes."""
+"""A robot with faults: wraps any backend's robot, and applies the faults to commands and samples."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _WHOLE: Final = Impairment()
 
 
 class FaultyRobot(Robot):
-    """One robot behind its faults, which declares what they leave of its promises.
+    """One robot behind its faults, with its promise widened by the declared ones.
 
-    Commands pass the faults in the order of the tables; samples do so on their way back, in the same order. What is
-    late is delivered by the fleet's clock while it sleeps, so at its very time.
+    Commands pass the faults in the order of the tables; so do samples on their way back. The fleet's clock delivers
+    late commands while it sleeps, and so exactly on time.
 
     Args:
-        inner: the backend's robot; nobody else may use it from now on.
+        inner: the backend's robot, which belongs to this one from now on.
         clock: the clock of the faulty fleet.
-        faults: what it suffers, in the order of the tables.
-        reseeds: when these begin to draw from other seeds.
+        faults: its faults, in the order of the tables.
+        reseeds: when the faults begin to draw from other seeds.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class FaultyRobot(Robot):
                     f"and a {type(inner).__name__} cannot; use a simulated backend in this process, such as kinematic"
                 )
 
-    # --- what the fleet's clock needs ------------------------------------------------------------------------
+    # --- for the fleet's clock -------------------------------------------------------------------------------
 
     @property
     def next_due_s(self) -> float:
@@ -67,7 +67,7 @@ class FaultyRobot(Robot):
         return self._queue[0][0] if self._queue else math.inf
 
     def deliver(self) -> None:
-        """Deliver the commands whose time has come. What fails then is raised at the next reading of the state."""
+        """Deliver the commands whose time has come. A failure is raised at the next reading of the state."""
         now_s = self.clock.now()
         while self._queue and self._queue[0][0] <= now_s + ROUNDING_S:
             command = heapq.heappop(self._queue)[2]
@@ -81,7 +81,7 @@ class FaultyRobot(Robot):
 
     def _connect(self, timeout_s: float) -> Capabilities:
         self.inner.init(timeout_s)
-        # Faults begin when the robot is ready: a first sample has come through by then, as from any robot.
+        # Faults begin when the robot is ready: by then a first sample has come through, as from any robot.
         sample: RobotState | None = self._read()
         for fault in self.faults:
             sample = fault.sample(0.0, False, sample)
@@ -155,14 +155,14 @@ class FaultyRobot(Robot):
             self._goal_sent = command.goal
 
     def _reseed(self) -> None:
-        """Let the faults draw from another seed where its time has come."""
+        """Seed the faults' random numbers anew if it is time to."""
         while self._reseeds and self._reseeds[0].at_s <= self.clock.now() + ROUNDING_S:
             seed = self._reseeds.popleft().seed
             for index, fault in enumerate(self.faults):
                 fault.context.random.seed(f"fault {index}, robot {self.id}, reseed {seed}")
 
     def _read(self) -> RobotState:
-        """Return the robot's own sample, with this robot's number of the goal that it works on."""
+        """Return the inner robot's sample, with this robot's number of the present goal."""
         sample = self.inner.read_state()
         goal_id = None
         if sample.goal_id is not None:
@@ -174,7 +174,7 @@ class FaultyRobot(Robot):
         return sample._replace(goal_id=goal_id, link=Link.UP)
 
     def _impair(self) -> None:
-        """Let the vehicle have the faults that are on now."""
+        """Impair the vehicle by the faults that are on now."""
         if self._vehicle is None:
             return
         time_s = self.clock.now() - self._ready_s
@@ -192,16 +192,16 @@ class FaultyRobot(Robot):
         self._impaired = wanted
         self._vehicle.impair(*wanted)
         if came_back:
-            # As an adapter does when its robot is there again: nothing that was before holds.
+            # As an adapter does when its robot is back: the robot has forgotten its controller.
             self._pass_on(SentCommand(Call.SWITCH, to=Controller.SC))
             self._send(SentCommand(Call.SWITCH, to=self.in_charge))
 
 
 def widened(capabilities: Capabilities, faults: Sequence[Fault[Any]]) -> Capabilities:
-    """Return what a robot can promise under its faults; those that are not declared change nothing.
+    """Return a robot's promise under its faults; undeclared faults change nothing.
 
-    Faults add up, and more than that: what is lost behind a fault that lets new samples come every other reading costs
-    two readings each time.
+    The costs of faults more than add up: behind a fault that lets a new sample through at every other reading, each
+    lost sample costs two readings.
     """
     apart, exact_s = 1, capabilities.sample_age_s
     for fault in faults:
@@ -212,7 +212,7 @@ def widened(capabilities: Capabilities, faults: Sequence[Fault[Any]]) -> Capabil
             capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + further_s)
             apart = (dropped + 1) * apart + held
     if capabilities.sample_age_s > exact_s:
-        # What is counted in readings is as late as these are, once.
+        # Ages counted in readings grow by the readings' own jitter, once.
         capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + capabilities.jitter_s)
     return capabilities
 
@@ -233,7 +233,7 @@ class FaultyClock(Clock):
     def sleep_until(self, time_s: float) -> None:
         while self.robots:
             due_s = min(robot.next_due_s for robot in self.robots)
-            # What comes in at the very end is delivered too: it was due before whatever the caller does then.
+            # Commands due exactly at the end are delivered too, before the caller goes on.
             if due_s > time_s:
                 break
             self._inner.sleep_until(due_s)
@@ -243,17 +243,17 @@ class FaultyClock(Clock):
 
 
 class FaultyFleet(Fleet):
-    """The robots of a backend behind their faults; robots without faults are what they were.
+    """The robots of a backend behind their faults; robots without faults are not changed.
 
     Args:
         inner: the backend's fleet, of which no robot is ready yet.
         tables: the faults.
-        seed: what is drawn, is drawn from it.
-        tick_s: how often the state will be read.
+        seed: the seed of the faults' random numbers.
+        tick_s: time between two readings of the state.
         reseeds: when the faults begin to draw from other seeds.
 
     Raises:
-        Unsupported: a fault needs what a robot does not offer; nothing has moved.
+        Unsupported: a fault needs a vehicle that can be impaired; nothing has moved.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Faults of what the robot says about itself: it stands still, is off, or is stamped by a clock that jumps."""
+"""Faults of a robot's samples: frozen, biased, stamped by a clock that jumps, or with a wrong charge."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ ChargeOffset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]
 
 
 class FreezeOptions(FaultOptions):
-    """A state that stands still.
+    """A frozen state.
 
     Attributes:
-        restamped: each sample is stamped anew although the pose in it is old: a lie. Charge and controller are true.
+        restamped: whether the old pose gets new stamps, which hide its age. Charge and controller stay true.
     """
 
     restamped: bool = False
@@ -36,7 +36,7 @@ class FreezeOptions(FaultOptions):
 
 
 class Freeze(Fault[FreezeOptions]):
-    """The state stands still, with its stamp or, as a lie, with a new one."""
+    """The robot's state is frozen, with its old stamp or with new ones."""
 
     options_model: ClassVar[type[FaultOptions]] = FreezeOptions
 
@@ -48,11 +48,11 @@ class Freeze(Fault[FreezeOptions]):
     def widened(self, capabilities: Capabilities) -> Capabilities:
         duration_s = self.up_to_ticks(self.options.duration_s or 0.0)
         if self.options.restamped:
-            # The age does not show, so the error of the position has to pay for the way made in that time; and for that
-            # of the age, since an old pose may get the stamp of a sample that is none.
+            # The stamps hide the age, so the position noise has to cover the distance driven in that time, and in the
+            # promised sample age, since the frozen pose may already have been so old.
             hidden_s = duration_s + capabilities.sample_age_s
             noise_m = capabilities.position_noise_m + capabilities.v_max_m_s * hidden_s
-            # What moved then may have stood by now: nothing bounds the error of a speed or a heading.
+            # A robot that moved then may be at rest by now: nothing bounds the error of speed and heading.
             return replace(capabilities, position_noise_m=noise_m, speed_noise_m_s=None, heading_noise_rad=None)
         return replace(capabilities, sample_age_s=capabilities.sample_age_s + duration_s)
 
@@ -61,7 +61,7 @@ class Freeze(Fault[FreezeOptions]):
 
     def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
         frozen, window = self._last, self.options.window(time_s) if on else None
-        # One sample comes through between two freezes, even where no reading falls between them.
+        # One sample comes through between two freezes, even without a reading between them.
         again = self._stood is not None and window != self._stood
         self._stood = window
         if window is None or again or sample is None or frozen is None:
@@ -82,11 +82,11 @@ class Freeze(Fault[FreezeOptions]):
 
 
 class BiasOptions(FaultOptions):
-    """A robot that is wrong about where it is.
+    """A robot whose localisation is off.
 
     Attributes:
         x_m: error of its position, east.
-        y_m: the same, north.
+        y_m: error of its position, north.
         heading_rad: error of its heading, counter-clockwise.
     """
 
@@ -102,7 +102,7 @@ class BiasOptions(FaultOptions):
 
 
 class Bias(Fault[BiasOptions]):
-    """The robot's localisation is off: what it reports is, and so is where it drives when it is sent to a place."""
+    """The robot's localisation is off, in its samples, and when it drives to a target."""
 
     options_model: ClassVar[type[FaultOptions]] = BiasOptions
 
@@ -140,7 +140,7 @@ class ClockStepOptions(FaultOptions):
     """A vehicle whose clock jumps.
 
     Attributes:
-        step_s: by how much its clock is off from then on; positive: its samples seem younger than they are.
+        step_s: error of its clock from then on; if it is positive, samples seem younger than they are.
     """
 
     step_s: Step
@@ -159,12 +159,12 @@ class ClockStep(Fault[ClockStepOptions]):
 
     def widened(self, capabilities: Capabilities) -> Capabilities:
         step_s = self.options.step_s
-        # A clock that goes back, at the beginning or at the end of the fault, brings samples older than the last one;
-        # they are dropped until the stamps have caught up.
+        # When the clock goes back, at the beginning or at the end of the fault, samples seem older than the last one,
+        # and are dropped until the stamps have caught up.
         return replace(
             capabilities,
             sample_age_s=capabilities.sample_age_s + self.up_to_ticks(abs(step_s)),
-            # What is stamped too late was where the stamp says some time before; what is too early, some time after.
+            # A pose with a wrong stamp is the robot's pose some time before or after the stamp.
             position_noise_m=capabilities.position_noise_m + capabilities.v_max_m_s * abs(step_s),
             speed_noise_m_s=None,
             heading_noise_rad=None,
@@ -196,7 +196,7 @@ class BatteryOptions(FaultOptions):
 
 
 class Battery(Fault[BatteryOptions]):
-    """The robot reports another charge than it has. Too low a charge is on the safe side and needs no promise."""
+    """The robot reports a wrong charge. One that is too low is on the safe side and needs no promise."""
 
     options_model: ClassVar[type[FaultOptions]] = BatteryOptions
 
@@ -208,6 +208,6 @@ class Battery(Fault[BatteryOptions]):
 
 
 def _wrapped(angle_rad: float) -> float:
-    """Return the same angle in (-pi, pi]."""
+    """Return an angle in (-pi, pi]."""
     wrapped = math.remainder(angle_rad, math.tau)
     return math.pi if wrapped == -math.pi else wrapped

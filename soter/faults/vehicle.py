@@ -1,4 +1,4 @@
-"""Faults of the vehicle itself. They need a robot that can be impaired: a simulated one in this process."""
+"""Faults of the vehicle itself, for robots that can be impaired: those simulated in this process."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from soter.sdk import Capabilities, RobotState
 Part = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
 
 TUBE_PER_GRIP_M: Final = 0.2
-"""How far a robot strays from a short leg when one wheel slips and the other does not: metres per unit of grip."""
+"""How far a robot strays from a short leg by uneven slip: metres per unit of difference in grip."""
 
 UNEVEN: Final = 0.05
-"""How much more one wheel may slip than the other. Beyond that a turn creeps so fast that the drive breaks it off."""
+"""Largest difference in slip between the wheels. Beyond it the robot creeps so fast that the drive ends turns."""
 
 _ROUNDING: Final = 1e-9
 
@@ -28,7 +28,7 @@ class WheelSlipOptions(FaultOptions):
 
     Attributes:
         left: part of the left wheel's motion that reaches the ground.
-        right: the same of the right wheel.
+        right: part of the right wheel's motion that reaches the ground.
     """
 
     left: Part = 1.0
@@ -45,7 +45,7 @@ class WheelSlipOptions(FaultOptions):
 
 
 class WheelSlip(Fault[WheelSlipOptions]):
-    """The wheels turn more than the robot moves; it veers where one slips more than the other."""
+    """The wheels turn more than the robot moves; the robot veers if one slips more than the other."""
 
     options_model: ClassVar[type[FaultOptions]] = WheelSlipOptions
     needs_vehicle: ClassVar[bool] = True
@@ -59,7 +59,7 @@ class WheelSlip(Fault[WheelSlipOptions]):
 
 
 class WeakBrakesOptions(FaultOptions):
-    """Brakes that are worn.
+    """Worn brakes.
 
     Attributes:
         factor: the part of the promised deceleration that is left.
@@ -69,7 +69,7 @@ class WeakBrakesOptions(FaultOptions):
 
 
 class WeakBrakes(Fault[WeakBrakesOptions]):
-    """The robot brakes less than promised, and runs beyond its targets."""
+    """The robot brakes less than promised, and overshoots its targets."""
 
     options_model: ClassVar[type[FaultOptions]] = WeakBrakesOptions
     needs_vehicle: ClassVar[bool] = True
@@ -82,7 +82,7 @@ class WeakBrakes(Fault[WeakBrakesOptions]):
             capabilities,
             brake_m_s2=weak_m_s2,
             overshoot_m=capabilities.overshoot_m + further_m,
-            # Beyond the target is off the segment that leads to it.
+            # A robot beyond its target is off the leg's segment by as much.
             tube_m=capabilities.tube_m + further_m,
         )
 
@@ -95,9 +95,9 @@ class KillOptions(FaultOptions):
 
 
 class Kill(Fault[KillOptions]):
-    """The robot is gone: motors off, link down. When it comes back it remembers nothing.
+    """The robot is gone: motors off, link down. When it comes back it has forgotten everything.
 
-    It needs no promise: that a robot falls silent is what stale states are for.
+    This needs no promise: silent robots are covered by the handling of stale states.
     """
 
     options_model: ClassVar[type[FaultOptions]] = KillOptions
