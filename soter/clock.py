@@ -1,4 +1,4 @@
-"""Time as the stack sees it: one narrow clock, so that a mission runs in virtual or in vehicle time unchanged."""
+"""The clocks of missions: one narrow interface, so that a mission runs unchanged in virtual or in vehicle time."""
 
 import math
 import statistics
@@ -12,14 +12,14 @@ from typing import Final
 _LONGEST_SLEEP_S: Final = 0.25
 _SHORTEST_SLEEP_S: Final = 1e-6
 
-# What comes late on a link that reorders is followed by something newer; a clock that went back goes on from there.
+# Old stamps in a row that mean a reboot: on a link that reorders, a newer sample follows a late one before that.
 _REBOOT_SAMPLES: Final = 5
 
 _BUCKETS: Final = 10
 
 
 class Clock(ABC):
-    """Fleet time in seconds, the only time that missions, modules and recordings know."""
+    """Fleet time in seconds, the only time in missions, modules and recordings."""
 
     @abstractmethod
     def now(self) -> float:
@@ -27,7 +27,7 @@ class Clock(ABC):
 
     @abstractmethod
     def sleep_until(self, time_s: float) -> None:
-        """Return when `now()` is at least `time_s`; at once if that is already so."""
+        """Wait until `now()` is at least `time_s`; return at once if it is already."""
 
     def steady_s(self) -> float:
         """Return the host's monotonic time in seconds, for watchdogs over code that runs on the host."""
@@ -35,7 +35,7 @@ class Clock(ABC):
 
 
 class VirtualClock(Clock):
-    """A clock that stands still until somebody sleeps; sleeping steps the physics.
+    """A clock that stands still until its thread sleeps, which steps the physics.
 
     Not thread-safe: it belongs to the thread that runs the mission.
 
@@ -62,23 +62,23 @@ class VirtualClock(Clock):
 class VehicleClock(Clock):
     """Fleet time of robots that keep their own time: the host's steady time, at the rate of the vehicles' clocks.
 
-    It shows 0 when it is made and depends on no link: what is heard of the vehicles changes only how fast it goes,
-    within `rate_tolerance`. So it never stops and never goes back, and a dead link cannot stop a decision module.
+    It begins at 0 and depends on no link: samples of the vehicles change only its rate, within `rate_tolerance`. So it
+    never stops and never goes back, and a dead link cannot stop a decision module.
 
-    The offset between a vehicle's clock and fleet time is estimated as TIMESYNC filters do, from the samples that
-    travelled least. A quicker sample lowers it at once. It rises no faster than clocks drift apart, so that a link that
-    becomes slow is seen as age and not taken for a clock that went back. The least delay itself remains unseen where
-    it is not measured: it belongs to the declared latency.
+    The offset between a vehicle's clock and fleet time is estimated as TIMESYNC filters do, from the samples with the
+    shortest delay. A quicker sample lowers it at once. It rises no faster than clocks drift apart, so that a link that
+    becomes slow makes samples look old, and is not taken for a clock that went back. If the shortest delay is not
+    measured it is not in the offset: it belongs to the declared latency.
 
-    A vehicle whose stamps go back and stay back has rebooted: its offset is estimated anew. Where robots tell their
+    A vehicle whose stamps go back and stay back has rebooted: its offset is estimated anew. If a robot reports its
     reboots, `forget` does so at once. Thread-safe.
 
     Args:
-        rate: what the rate ought to be, in vehicle seconds by host second; the speed-up of a simulated vehicle.
-        rate_tolerance: how far the rate may be off, as a part of `rate`. The default is more than crystals need.
-        window_s: how much of the past the rate is estimated from, in host seconds.
+        rate: nominal rate in vehicle seconds per host second; the speed-up of a simulated vehicle.
+        rate_tolerance: how far the rate may be off, as a part of `rate`. The default is more than quartz clocks need.
+        window_s: the time over which the rate is estimated, in host seconds.
         steady: the host's monotonic time in seconds.
-        sleep: sleeps for so many seconds of the host.
+        sleep: sleeps for a number of host seconds.
     """
 
     def __init__(
@@ -109,11 +109,11 @@ class VehicleClock(Clock):
 
     @property
     def rate(self) -> float:
-        """Vehicle seconds by host second, as estimated; at first as it ought to be."""
+        """Estimated rate in vehicle seconds per host second; at first the nominal one."""
         return self._rate
 
     def now(self) -> float:
-        # The host's time is read under the lock: a rate that changes in between must not make two threads disagree.
+        # The host's time is read under the lock, so that threads agree on fleet time while the rate changes.
         with self._lock:
             return self._fleet_s(self._steady())
 
@@ -135,15 +135,15 @@ class VehicleClock(Clock):
         *,
         anew: bool = False,
     ) -> bool:
-        """Take note of a sample that a robot stamped. Called by its receiver, for every sample.
+        """Take note of a sample's stamp. Called by the receiver, for every sample.
 
         Args:
-            robot_id: whose sample.
-            vehicle_stamp_s: the vehicle's time of it; one that is not finite is ignored.
-            received_steady_s: `steady_s()` when it was received.
-            delay_s: how long it has travelled in host time, where that was measured, as by half a round trip.
-            anew: forget what was observed before: its clock is known to be another one. There is no moment in between
-                at which other threads would find that robot's clock unknown.
+            robot_id: the robot.
+            vehicle_stamp_s: the sample's stamp in vehicle time; one that is not finite is ignored.
+            received_steady_s: `steady_s()` when the sample was received.
+            delay_s: the sample's delay in host time if it was measured, such as half a round trip.
+            anew: whether to forget earlier samples, because the robot's clock is known to be another one. In between,
+                other threads never find the robot's clock unknown.
 
         Returns:
             Whether this sample shows that the vehicle has rebooted.
@@ -164,12 +164,12 @@ class VehicleClock(Clock):
             return rebooted
 
     def forget(self, robot_id: int) -> None:
-        """Forget a robot's clock: it is known to have rebooted. The next sample begins anew."""
+        """Forget the clock of a robot that is known to have rebooted. The next sample begins anew."""
         with self._lock:
             self._vehicles.pop(robot_id, None)
 
     def to_fleet_s(self, robot_id: int, vehicle_stamp_s: float) -> float:
-        """Return the fleet time of a vehicle's stamp; never later than what has been observed was received.
+        """Return the fleet time of a vehicle's stamp; for an observed sample, never later than its reception.
 
         Raises:
             LookupError: no sample of that robot has been observed.
@@ -178,7 +178,7 @@ class VehicleClock(Clock):
             return vehicle_stamp_s + self._offset_s(robot_id)
 
     def to_vehicle_s(self, robot_id: int, fleet_s: float) -> float:
-        """Return what a vehicle's clock shows at a fleet time, as far as is known here.
+        """Return the estimated time of a vehicle's clock at a fleet time.
 
         Raises:
             LookupError: no sample of that robot has been observed.
@@ -198,7 +198,7 @@ class VehicleClock(Clock):
         return vehicle.offset_s
 
     def _follow(self, steady_s: float) -> None:
-        """Go on at the rate of the vehicles heard of late, from the time shown now."""
+        """Go on from the present fleet time at the rate of the vehicles that were heard recently."""
         since_s = steady_s - self._window_s
         rates = [
             each.rate for each in self._vehicles.values() if each.rate is not None and each.heard_steady_s >= since_s
@@ -212,12 +212,12 @@ class VehicleClock(Clock):
 
 
 class _Vehicle:
-    """What is known of one vehicle's clock.
+    """The estimate of one vehicle's clock.
 
     Attributes:
         offset_s: fleet time minus vehicle time.
         heard_steady_s: when the newest sample was sent, in host time.
-        rate: vehicle seconds by host second; None while not enough has been heard.
+        rate: vehicle seconds per host second; None before there are enough samples.
     """
 
     __slots__ = ("_back", "_back_offset_s", "_back_s", "_best", "_bucket_s", "_newest_s", "heard_steady_s",
@@ -235,7 +235,7 @@ class _Vehicle:
         self._back = 0
         self._back_s = -math.inf
         self._back_offset_s = math.inf
-        # By interval of time, the host's and the vehicle's time of the sample that travelled least.
+        # By interval of time, the host's and the vehicle's time of the sample with the shortest delay.
         self._best: deque[tuple[float, float]] = deque([(steady_s, stamp_s)], maxlen=_BUCKETS)
 
     def take(self, stamp_s: float, steady_s: float, offset_s: float, drift_s: float, nominal: float) -> bool:
@@ -259,7 +259,7 @@ class _Vehicle:
         return False
 
     def _take_back(self, stamp_s: float, steady_s: float, offset_s: float) -> bool:
-        """Take a sample that is older than the newest: it came late, or the vehicle has a new clock."""
+        """Take a sample that is older than the newest: it came late, or the vehicle has rebooted."""
         rising = stamp_s > self._back_s
         self._back = self._back + 1 if rising else 1
         self._back_offset_s = min(offset_s, self._back_offset_s) if rising else offset_s

@@ -1,4 +1,4 @@
-"""Classes and functions of users' own, by name: `file.py:Name`, `file.py`, or `package.module:Name`."""
+"""Loads users' classes and functions by name: `file.py:Name`, `file.py`, or `package.module:Name`."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from soter.errors import ConfigError, account_of, meant, nearest
 _FILE: Final = re.compile(r"(?P<file>.+\.py)(:(?P<name>\w+))?", re.DOTALL)
 
 Refused = Callable[[str], ConfigError]
-"""Makes the error of a message, with the key and the place that the name came from."""
+"""Makes an error from a message, with the key and the place of the name in the mission."""
 
 
 def find_from_here() -> None:
-    """Have classes and modules of users' own found as Python run in the present folder would find them."""
+    """Let users' modules be imported from the present folder, as with `python` run there."""
     if "" not in sys.path:
         sys.path.insert(0, "")
 
 
 def file_of(target: str) -> Path | None:
-    """Return the file that a name names; None for a name of another form."""
+    """Return the file of a name such as `file.py:Name`; None for a name of another form."""
     found = _FILE.fullmatch(target)
     return None if found is None else Path(found["file"])
 
 
 def seen_from(folder: Path, target: str) -> str:
-    """Return a name; the file that it names, if it names one, is one relative to that folder."""
+    """Return a name, with its file, if it has one, relative to a folder."""
     found = _FILE.fullmatch(target)
     return target if found is None else f"{folder / found['file']}{target[found.end('file') :]}"
 
@@ -46,21 +46,21 @@ def is_target(name: str) -> bool:
 
 
 def known_target(name: str, known: Mapping[str, str], kind: str, refused: Refused, *, files: bool = False) -> str:
-    """Return what a name stands for: one of ours, or a class of the user's own.
+    """Return the target of a name: that of a built-in name, or the name itself for a user's class.
 
     Args:
-        name: one of `known`, or what `load_named` takes.
-        known: what our own names stand for.
-        kind: of what there is none by that name, for the message.
+        name: one of `known`, or a name for `load_named`.
+        known: the targets of built-in names.
+        kind: the kind of the named thing, for the message.
         refused: makes the error.
-        files: whether it may be one of a file.
+        files: whether the name may have a file.
 
     Raises:
-        ConfigError: it is neither.
+        ConfigError: the name is neither.
     """
     if name in known:
         return known[name]
-    # What begins as names of ours with a colon do, such as adversary:, is ours too.
+    # Prefixes of built-in names with a colon, such as adversary:, are reserved.
     taken = {each.partition(":")[0] for each in known if ":" in each}
     if is_target(name) and (files or file_of(name) is None) and name.partition(":")[0] not in taken:
         return name
@@ -71,10 +71,10 @@ def known_target(name: str, known: Mapping[str, str], kind: str, refused: Refuse
 
 
 def load_class(name: str, target: str, base: type[Any], refused: Refused) -> type[Any]:
-    """Import the class that a name stands for (see `known_target`); it has to be a subclass of that base.
+    """Import and return the class of a target (see `known_target`), which has to be a subclass of `base`.
 
     Raises:
-        ConfigError: there is none, it is no such class, or one that is not complete.
+        ConfigError: there is no such class, it is no subclass of `base`, or it is abstract.
     """
     found = load_named(target, refused, base)
     if not (isinstance(found, type) and issubclass(found, base)):
@@ -86,18 +86,19 @@ def load_class(name: str, target: str, base: type[Any], refused: Refused) -> typ
 
 
 def load_named(target: str, refused: Refused, base: type | None = None) -> object:
-    """Import what a name names.
+    """Import and return the object that a name stands for.
 
-    A file becomes a module under a name of its own, and its folder a place to import from, as when Python runs it.
+    A file becomes a module under a name of its own, and its folder is added to the import path, as when Python runs it.
 
     Args:
         target: `file.py:Name`, `package.module:Name`, or, with a base, `file.py` for the one class of that base in it.
             A file is relative to the present folder.
         refused: makes the error.
-        base: what the class is to be a subclass of, for `file.py` alone.
+        base: base of the class, for `file.py` alone.
 
     Raises:
-        ConfigError: the name has no such form, there is no such file or module, importing it fails, or it lacks that.
+        ConfigError: the name has no such form, there is no such file or module, importing it fails, or it has no such
+            object.
     """
     found = _FILE.fullmatch(target)
     if found is not None:
@@ -127,7 +128,7 @@ def _from_file(path: Path, target: str, refused: Refused) -> ModuleType:
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     module = importlib.util.module_from_spec(spec)
-    # Dataclasses and annotations look their module up by name.
+    # Dataclasses and annotations look up their module by name.
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
@@ -168,12 +169,12 @@ def _only_class(module: ModuleType, base: type | None, target: str, refused: Ref
 
 
 def described(failure: BaseException, path: Path | None) -> str:
-    """Return an exception in words, with the last line of a file that it came through, if it did."""
+    """Return an exception in words, with the last line of a file in its traceback, if any."""
     line = account_of(failure, lambda each: f"{type(each).__name__}: {each}")
     return line if isinstance(failure, SyntaxError) else line + line_in(path, failure)
 
 
 def line_in(path: Path | None, failure: BaseException) -> str:
-    """Return the last line of a file that an exception came through, as a message ends; empty if there is none."""
+    """Return the last line of a file in an exception's traceback, as the end of a message; empty without one."""
     inside = [each for each in traceback.extract_tb(failure.__traceback__) if path and each.filename == str(path)]
     return f" ({path.name}, line {inside[-1].lineno})" if inside and path else ""

@@ -1,6 +1,7 @@
-"""Backends by name: built in, registered by an installed distribution, or a class as `module:Class`.
+"""Finds backends by name: built in, registered by an installed distribution, or a class as `module:Class`.
 
-Nothing is imported before it is asked for, and nothing of a vendor before a backend is opened or its adapter needs it.
+Adapters are imported only when they are needed, and vendor libraries only when a backend is opened or its adapter needs
+them.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ BUILT_IN: Final[Mapping[str, str]] = {
     "ros2": "soter.adapters.ros2.backend:Ros2Backend",
     "zenoh": "soter.adapters.zenoh.backend:ZenohBackend",
 }
-"""The backends of this distribution. They are found without it being installed, and nobody can take their names."""
+"""The built-in backends, found even if this distribution is not installed; registrations cannot replace them."""
 
 LIBRARIES: Final[Mapping[str, str]] = {
     "pybullet": "pybullet",
@@ -36,7 +37,7 @@ LIBRARIES: Final[Mapping[str, str]] = {
     "mavlink": "pymavlink",
     "mavsdk": "mavsdk",
 }
-"""Built-in backends that import a vendor library only when they are opened, and that library."""
+"""Vendor libraries that built-in backends import only when they are opened."""
 
 INSTALL_HINTS: Final[Mapping[str, str]] = {
     "pybullet": "pybullet",
@@ -65,7 +66,7 @@ INSTALL_HINTS: Final[Mapping[str, str]] = {
     "yaml": "worlds",
     "PIL": "worlds",
 }
-"""Vendor libraries, and the extra of this distribution that brings each of them."""
+"""By vendor library, the extra of this distribution that installs it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +74,12 @@ class BackendRow:
     """One line of `soter backends`.
 
     Attributes:
-        name: what `--backend` takes.
+        name: the name for `--backend`.
         origin: "built in", or the distribution that registered it.
-        target: where its class is, as `module:Class`.
+        target: its class, as `module:Class`.
         available: whether it can be opened here.
-        problem: why not, and what to do about it; empty if it is available.
-        capabilities: what its robots promise, in a few words; empty if that is not known without the library.
+        problem: why it is not available, and what to do about it; empty if it is.
+        capabilities: the promise of its robots, in a few words; empty if it is not known without the library.
     """
 
     name: str
@@ -90,22 +91,22 @@ class BackendRow:
 
 
 def install_hint(library: str) -> str | None:
-    """Return the command that installs a vendor library, or None for one that is not ours to install."""
+    """Return the command that installs a vendor library, or None if no extra of ours has it."""
     extra = INSTALL_HINTS.get(library.partition(".")[0])
     return install_command(extra) if extra else None
 
 
 def load_backend(name: str, *, to_open: bool = True) -> type[Backend]:
-    """Import the class of a backend.
+    """Import and return the class of a backend.
 
     Args:
         name: a built-in name, one that an installed distribution registered, or `module:Class`.
-        to_open: False where only what its robots declare is of interest, for which no vendor library is needed.
+        to_open: whether the backend is to be opened; False needs no vendor library, to read its robots' promise.
 
     Raises:
-        UnknownBackend: there is none of that name; the message lists those there are.
+        UnknownBackend: there is no backend of that name; the message lists those there are.
         BackendUnavailable: a library that it needs is missing; the message says what to install.
-        BackendError: what was found there is no backend for this version of the interface.
+        BackendError: the object with that name is no backend for this version of the interface.
     """
     target, origin = _find(name)
     library = LIBRARIES.get(name)
@@ -115,7 +116,7 @@ def load_backend(name: str, *, to_open: bool = True) -> type[Backend]:
 
 
 def in_virtual_time(name: str) -> bool:
-    """Return whether a backend's robots live in virtual time; nothing of a vendor is needed. Raises BackendError."""
+    """Return whether a backend's robots run in virtual time; needs no vendor library. Raises BackendError."""
     return load_backend(name, to_open=False).robot_class.declared.in_process
 
 
@@ -125,7 +126,7 @@ def backend_names() -> list[str]:
 
 
 def list_backends() -> list[BackendRow]:
-    """Return every registered backend and whether it can be opened here. A broken one costs its own line only."""
+    """Return every registered backend, and whether it can be opened here. A broken one affects only its own row."""
     rows = []
     for name in backend_names():
         target, origin = BUILT_IN.get(name, ""), "built in"
@@ -144,16 +145,16 @@ def list_backends() -> list[BackendRow]:
 
 
 def missing_library(name: str, failure: ImportError) -> BackendUnavailable:
-    """Return what to raise when a backend fails to import a library while it is opened."""
+    """Return the error for a backend that fails to import a library while it is opened."""
     library = (failure.name or "").partition(".")[0]
     return _unavailable(name, library, str(failure), broken=not isinstance(failure, ModuleNotFoundError))
 
 
 def _registered() -> dict[str, list[EntryPoint]]:
-    """Return the registrations by name, without ours."""
+    """Return the registrations by name, without the built-in ones."""
     found: dict[str, list[EntryPoint]] = {}
     for entry in entry_points(group=ENTRY_POINT_GROUP):
-        # Ours are registered as well, so that others can see them; and their names stay ours.
+        # The built-in ones are registered too, so that other programs can list them; their names cannot be taken.
         if entry.name not in BUILT_IN and entry not in found.get(entry.name, []):
             found.setdefault(entry.name, []).append(entry)
     return found
@@ -234,11 +235,11 @@ def _unavailable(name: str, library: str, problem: str, *, broken: bool = False)
 
 
 def _checked(name: str, origin: str, target: str, found: object) -> type[Backend]:
-    """Return what was found if it is a backend for this interface."""
+    """Return the object that was found, if it is a backend for this interface."""
     who = f"backend '{name}' ({origin}): '{target}'"
     if not (isinstance(found, type) and issubclass(found, Backend)):
         raise BackendError(f"{who} is not a subclass of soter.sdk.Backend; name the backend's class")
-    # Before all else: a class made for another interface may well lack the rest.
+    # The version comes first: a class made for another interface may lack everything else.
     version = getattr(found, "interface_version", None)
     if not isinstance(version, int):
         raise BackendError(f"{who} does not say which interface it is made for; set interface_version to that number")
@@ -248,7 +249,7 @@ def _checked(name: str, origin: str, target: str, found: object) -> type[Backend
             f"{who} is made for version {version} of the interface, this is version {INTERFACE_VERSION}; "
             f"upgrade {advice}"
         )
-    # isabstract() also sees hooks that are misspelt, at a time when nothing has been opened yet.
+    # isabstract() also finds misspelt hooks, before anything is opened.
     if inspect.isabstract(found):
         missing = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
         raise BackendError(f"{who} is not complete: it does not define {missing}")
@@ -260,7 +261,7 @@ def _checked(name: str, origin: str, target: str, found: object) -> type[Backend
 
 
 def _summary(backend: type[Backend]) -> str:
-    """Return what the robots of a backend promise, in a few words."""
+    """Return the promise of a backend's robots, in a few words."""
     declared = getattr(backend.robot_class, "declared", None)
     if declared is None:
         return "declares nothing"
@@ -274,6 +275,6 @@ def _summary(backend: type[Backend]) -> str:
     optional = {
         "reverses": declared.reverses,
         "battery": declared.reports_battery,
-        "reports who is in charge": declared.reports_controller,
+        "reports the active controller": declared.reports_controller,
     }
     return ", ".join([*words, *(word for word, has in optional.items() if has)])

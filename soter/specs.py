@@ -1,4 +1,4 @@
-"""Which robots a mission asks a backend for, and with which options."""
+"""Derives a mission's robots, their promises and the backend's options, and checks them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ROUNDING = 1e-9
 
 
 def robot_specs(mission: MissionFile, workspace: Workspace, asked: Mapping[int, Capabilities]) -> list[RobotSpec]:
-    """Return the robots of the workspace, each with the mission's battery and with what it is asked to promise."""
+    """Return the robots of the workspace, each with the mission's battery and with its requested promise."""
     battery = mission.battery
     return [
         RobotSpec(
@@ -35,13 +35,13 @@ def robot_specs(mission: MissionFile, workspace: Workspace, asked: Mapping[int, 
 
 
 def read_options(backend: type[Backend], mission: MissionFile, workspace: Workspace) -> BackendConfig:
-    """Return the mission's options of a backend, checked by its model, with what truth needs of the mission.
+    """Return the mission's options of a backend, checked by its model, with the limits for the ground truth.
 
-    Truth judges by the tables of modules that are off, too: runs with them and without are judged alike.
+    Ground truth also judges by the tables of modules that are off: runs with and without a module are judged alike.
 
     Raises:
         ConfigError: an option that the backend does not have or allow; the message names its key. Or a table of
-            options for a backend or a planner that there is not.
+            options for an unknown backend or planner.
     """
     _refuse_misspelt_tables(mission)
     limits = RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m)
@@ -58,16 +58,16 @@ def read_options(backend: type[Backend], mission: MissionFile, workspace: Worksp
 def asked(
     backend: type[Backend], config: BackendConfig, mission: MissionFile, workspace: Workspace
 ) -> dict[int, Capabilities]:
-    """Return what the robots of a mission are asked to promise, by id: `[robots.N]` before the backend's options.
+    """Return the requested promise of each robot of a mission, by id: `[robots.N]` goes before the backend's options.
 
     Raises:
-        ConfigError: what `[robots.N]` says is not allowed on this backend; names key, value and what is.
-        BackendError: what the backend says that its robots promise cannot be.
+        ConfigError: a value in `[robots.N]` is not allowed on this backend; names key, value and what is allowed.
+        BackendError: the backend cannot give a promise for its options.
     """
     said = mission.robots.promises
 
     def of(robot_id: int) -> Capabilities:
-        # What the backend does not allow for all robots it does not allow for one.
+        # Limits of the backend's options hold for each robot, too.
         both = {**config.promise.given, **said[robot_id].given}
         promise = validate_options(
             type(config.promise), both, mission.source, f"robots.{robot_id}", overridden=mission.overridden
@@ -79,7 +79,7 @@ def asked(
 
 
 def _promised(backend: type[Backend], config: BackendConfig, mission: MissionFile) -> Capabilities:
-    """Return what a backend says that its robots promise; it may be a third party's."""
+    """Return the promise of a backend's robots; the backend may be a third party's."""
     try:
         return backend.promises(config)
     except SoterError:
@@ -92,12 +92,11 @@ def _promised(backend: type[Backend], config: BackendConfig, mission: MissionFil
 def promises(
     backend: type[Backend], config: BackendConfig, mission: MissionFile, workspace: Workspace
 ) -> dict[int, Capabilities]:
-    """Return what the robots of a mission promise, by id, under the faults that they are said to have.
+    """Return the promise of each robot of a mission, by id, under its declared faults.
 
     Raises:
-        ConfigError: a tick that is longer than a lease, or at which samples are older than promised; a fault that is
-            not allowed, or after which no battery ever seems full enough; or bodies of that size do not fit where the
-            mission wants them.
+        ConfigError: a tick is longer than a lease, or makes samples older than promised; a fault is not allowed, or
+            makes every battery seem too low for the AC; or the robots' bodies do not fit into the workspace.
     """
     declared = asked(backend, config, mission, workspace)
     for each in set(declared.values()):
@@ -117,15 +116,15 @@ def promises(
 
 
 def promises_of(mission: MissionFile, workspace: Workspace) -> dict[int, Capabilities]:
-    """Do the same for the mission's backend, which is not opened; raises BackendError where there is none."""
+    """Return `promises` for the mission's backend, without opening it; raises BackendError if there is none."""
     backend = load_backend(mission.backend, to_open=False)
     return promises(backend, read_options(backend, mission, workspace), mission, workspace)
 
 
 def _check_tick(mission: MissionFile, declared: Capabilities) -> None:
-    """Check that robots are renewed in time, and, in virtual time, have a new sample for every tick.
+    """Check that leases are renewed in time and, in virtual time, that samples are not older than promised.
 
-    There they move in whole periods of theirs.
+    In virtual time robots move in whole control periods.
     """
     tick_s, period_s = mission.base_tick_s, declared.setpoint_period_s
     if tick_s > declared.lease_s + _ROUNDING:
@@ -146,7 +145,7 @@ def _check_tick(mission: MissionFile, declared: Capabilities) -> None:
 
 
 def _check_charge(mission: MissionFile, ids: Sequence[int], faults: Sequence[FaultTable]) -> None:
-    """Check that a full battery is reported as enough for the AC, by robots that are declared to report too little."""
+    """Check that a full battery is enough for the AC, for robots with declared faults that report too low a charge."""
     battery = mission.rta.battery
     if "battery" not in mission.rta.order:
         return
@@ -172,11 +171,11 @@ def check_bodies(mission: MissionFile, workspace: Workspace, radius_m: Mapping[i
 
     Args:
         mission: its `rta` table.
-        workspace: where.
-        radius_m: the radius that each robot promises, by id.
+        workspace: the workspace.
+        radius_m: the promised body radius of each robot, by id.
 
     Raises:
-        ConfigError: names the key or the robot, the numbers, and what would do.
+        ConfigError: bodies do not fit; names the key or the robot, the numbers, and what would do.
     """
     order, phi_safe_m = mission.rta.order, mission.rta.collision.phi_safe_m
     one_m, other_m = sorted((0.0, *radius_m.values()))[-2:]
@@ -215,10 +214,9 @@ def check_bodies(mission: MissionFile, workspace: Workspace, radius_m: Mapping[i
 
 
 def _refuse_misspelt_tables(mission: MissionFile) -> None:
-    """Look at the options of backends and planners that the mission does not use: nobody else would.
+    """Refuse tables of options for backends and planners with misspelt names, which would be ignored otherwise.
 
-    What they promise would be taken for granted by whoever wrote them. A backend that is not installed here may have a
-    table all the same, which is only warned of.
+    A user would rely on the options in them. A backend that is not installed here may have a table, with a warning.
     """
     known = backend_names()
     for name in mission.backends:
