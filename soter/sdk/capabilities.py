@@ -100,7 +100,7 @@ class Capabilities:
                 continue
             if not real or not is_finite(value) or value < 0.0 or (above and value == 0.0):
                 least = "above" if above else "at least"
-                raise ValueError(f"Capabilities.{name} is {value}, allowed: finite, {least} 0")
+                raise ValueError(f"Capabilities.{name} is {value!r}, allowed: a finite number, {least} 0")
 
     @property
     def moving_m_s(self) -> float:

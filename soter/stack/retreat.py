@@ -21,7 +21,7 @@ STUCK_S: Final = 10.0
 """A robot that has stood on its way to a refuge for this long will not get there: a peer is in the way for good."""
 
 TURNS: Final = 1.5
-"""A robot at rest may be turning to its next leg for so many times as long as a turn takes at most."""
+"""A robot at rest has this many times the duration of its longest turn in place to turn to its next leg."""
 
 PATIENT_S: Final = 2.0
 """How long a robot without a certified leg stands on its return path before it first gets out of the way."""
