@@ -30,6 +30,7 @@ GEOM_PLANE: int
 GEOM_SPHERE: int
 GUI: int
 VELOCITY_CONTROL: int
+URDF_USE_IMPLICIT_CYLINDER: int
 URDF_USE_SELF_COLLISION: int
 
 class error(Exception): ...
@@ -65,6 +66,7 @@ def setPhysicsEngineParameter(
     enableConeFriction: int = ...,
     deterministicOverlappingPairs: int = ...,
     solverResidualThreshold: float = ...,
+    contactSlop: float = ...,
     physicsClientId: int = 0,
 ) -> None: ...
 def stepSimulation(physicsClientId: int = 0) -> None: ...
@@ -87,6 +89,7 @@ def createCollisionShape(
     height: float = ...,
     planeNormal: Sequence[float] = ...,
     vertices: Sequence[Sequence[float]] = ...,
+    indices: Sequence[int] = ...,
     physicsClientId: int = 0,
 ) -> int: ...
 def createVisualShape(
@@ -152,6 +155,7 @@ def changeDynamics(
     ccdSweptSphereRadius: float = ...,
     activationState: int = ...,
     jointDamping: float = ...,
+    localInertiaDiagonal: Sequence[float] = ...,
     physicsClientId: int = 0,
 ) -> None: ...
 def getNumJoints(bodyUniqueId: int, physicsClientId: int = 0) -> int: ...

@@ -57,8 +57,11 @@ _STEP_S: Final = PERIOD_S / STEPS_PER_PERIOD
 _WHEEL_RADIUS_M: Final = 0.033
 _WHEEL_AT_M: Final = 0.07
 _WHEELS: Final = (0, 1)
-_ALL_LINKS: Final = (-1, 0, 1)
+_ALL_LINKS: Final = (-1, *_WHEELS)
 _MOTOR_N_M: Final = 10.0
+_BODY_KG: Final = 0.9
+# Bodies are thin discs near the wheels' axis, where rocking hardly moves them.
+_DISC_M: Final = 0.004
 # Height of the sliders: they hang slightly above the ground, and a body rocks from one to the other when it brakes, and
 # turns its wheels with it. If the gap grew with the model, a robot of 1 m would brake 0.04 m/s late.
 _SLIDER_AT_M: Final = -0.0198
@@ -158,10 +161,12 @@ class PyBulletEngine:
         return bullet.connect(bullet.DIRECT)
 
     def _build(self, workspace: Workspace) -> frozenset[int]:
-        """Set up the ground and the boxes; return the boxes' ids."""
-        client = self._client
+        """Set up the ground and the boxes, whose height counts for nothing, as in the truth; return the boxes' ids."""
+        client, least_m = self._client, 2.0 * _WHEEL_RADIUS_M * min(self._scale)
         bullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
         bullet.setTimeStep(_STEP_S, physicsClientId=client)
+        # The defaults let bodies overlap by 0.01 mm, and for several steps.
+        bullet.setPhysicsEngineParameter(contactSlop=0.0, contactERP=0.8, physicsClientId=client)
         shape = bullet.createCollisionShape(bullet.GEOM_PLANE, physicsClientId=client)
         ground = bullet.createMultiBody(0.0, shape, physicsClientId=client)
         bullet.changeDynamics(ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
@@ -171,13 +176,12 @@ class PyBulletEngine:
                     f"the map is made of {len(rings)} boxes, PyBullet takes {_MOST_BOXES}; use the backend "
                     "kinematic, or a map with larger cells or less noise"
                 )
-            return frozenset(self._put_box(ring, grid.height_m) for ring in rings)
+            return frozenset(self._put_box(ring, max(grid.height_m, least_m)) for ring in rings)
         if isinstance(workspace, Site):
-            return frozenset(
-                self._put_piece(ring, area.height_m) for area in workspace.plan.areas for ring in area.pieces
-            )
+            return frozenset(self._put_walls(area.ring, max(area.height_m, least_m)) for area in workspace.plan.areas)
         _, rings = workspace.outlines()
-        return frozenset(self._put_box(ring, box.height_m) for ring, box in zip(rings, workspace.boxes, strict=True))
+        boxes = zip(rings, workspace.boxes, strict=True)
+        return frozenset(self._put_box(ring, max(box.height_m, least_m)) for ring, box in boxes)
 
     def _put_box(self, ring: Sequence[tuple[float, float]], height_m: float) -> int:
         """Put a rectangle on the ground as a box; return its body's id."""
@@ -193,18 +197,24 @@ class PyBulletEngine:
             baseOrientation=(0.0, 0.0, sin(yaw / 2), cos(yaw / 2)),
             physicsClientId=client,
         )
-        bullet.changeDynamics(body, -1, restitution=0.0, physicsClientId=client)
+        bullet.changeDynamics(body, -1, restitution=0.0, collisionMargin=0.0, physicsClientId=client)
         return int(body)
 
-    def _put_piece(self, ring: Sequence[tuple[float, float]], height_m: float) -> int:
-        """Put a convex polygon on the ground as a prism; return its body's id."""
-        client = self._client
-        # Around its own middle, since the library computes in single precision.
-        middle_x, middle_y = sum(x for x, _ in ring) / len(ring), sum(y for _, y in ring) / len(ring)
+    def _put_walls(self, ring: Sequence[tuple[float, float]], height_m: float) -> int:
+        """Put the walls of a polygon of any shape on the ground; return their body's id.
+
+        They are triangles: of vertices alone the library makes a convex hull, and rounds it to 1/10 000 of its extent.
+        """
+        client, count = self._client, len(ring)
+        middle_x, middle_y = sum(x for x, _ in ring) / count, sum(y for _, y in ring) / count
         vertices = [(x - middle_x, y - middle_y, z) for x, y in ring for z in (0.0, height_m)]
-        shape = bullet.createCollisionShape(bullet.GEOM_MESH, vertices=vertices, physicsClientId=client)
+        walls = [(2 * at, 2 * ((at + 1) % count)) for at in range(count)]
+        indices = [corner for a, b in walls for corner in (a, b, b + 1, a, b + 1, a + 1)]
+        shape = bullet.createCollisionShape(
+            bullet.GEOM_MESH, vertices=vertices, indices=indices, physicsClientId=client
+        )  # fmt: skip
         body = bullet.createMultiBody(0.0, shape, basePosition=(middle_x, middle_y, 0.0), physicsClientId=client)
-        # Without a margin: otherwise the library makes the hull a millimetre larger on every side.
+        # With a margin, the library makes bodies larger on every side, and rounds the corners of boxes.
         bullet.changeDynamics(body, -1, restitution=0.0, collisionMargin=0.0, physicsClientId=client)
         return body
 
@@ -213,14 +223,18 @@ class PyBulletEngine:
         client = self._client
         with closing(Scratch("robot")) as folder:
             model = folder.path / "robot.urdf"
-            model.write_text(_model(scale))
+            model.write_text(_model(scale, min(self._scale)))
             robot = bullet.loadURDF(
                 str(model),
                 basePosition=(spec.x_m, spec.y_m, scale * _WHEEL_RADIUS_M),
                 globalScaling=scale,
+                flags=bullet.URDF_USE_IMPLICIT_CYLINDER,
                 baseOrientation=(0.0, 0.0, sin(spec.heading_rad / 2), cos(spec.heading_rad / 2)),
                 physicsClientId=client,
             )
+        bullet.changeDynamics(
+            robot, -1, localInertiaDiagonal=_inertia_kg_m2(scale), collisionMargin=0.0, physicsClientId=client
+        )  # fmt: skip
         for link in _ALL_LINKS:
             bullet.changeDynamics(
                 robot,
@@ -348,12 +362,26 @@ class PyBulletEngine:
         return dx * dx + dy * dy < reach * reach
 
 
-def _model(scale: float) -> str:
-    """Return the model of a robot, scaled except for the sliders' gap."""
+def _model(scale: float, smallest: float) -> str:
+    """Return the model of a robot, scaled except for the sliders' gap and the body.
+
+    All bodies are at the height of the smallest robot's wheels' axis, so that their round sides meet.
+    """
     model = (files("soter_sim") / "data" / "burger.urdf").read_text()
-    if scale <= 1.0:
-        return model
-    return model.replace(str(_SLIDER_AT_M), str(_SLIDER_AT_M - _SLIDER_GAP_M * (1.0 - 1.0 / scale)))
+    figures = {
+        "SLIDER_AT": _SLIDER_AT_M - _SLIDER_GAP_M * max(1.0 - 1.0 / scale, 0.0),
+        "BODY_AT": _WHEEL_RADIUS_M * (smallest / scale - 1.0),
+        "BODY_HEIGHT": _DISC_M / scale,
+    }
+    for name, figure in figures.items():
+        model = model.replace(name, str(figure))
+    return model
+
+
+def _inertia_kg_m2(scale: float) -> tuple[float, float, float]:
+    """Return a body's moments of inertia, about its own axes: those of a cube around the robot."""
+    inertia = _BODY_KG * (2.0 * scale * BODY_RADIUS_M) ** 2 / 6.0
+    return inertia, inertia, inertia
 
 
 def _clamped(value: float, limit: float) -> float:
