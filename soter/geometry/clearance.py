@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,10 +47,30 @@ _INFINITE: Final = 2**60
 _HAIR: Final = 1e-9
 _LITTLE: Final = 0.1
 
-Near = tuple[tuple[tuple[float, float, float, float], ...], tuple[float, float, float, float] | None]
-"""Candidates for the nearest rectangle, and the distances at the corners if these may exceed the exact range."""
+Four = tuple[float, float, float, float]
+Near = tuple[tuple[Four, ...], tuple[Four, ...], Four | None]
+"""What may be nearest to the places of a cell: rectangles, how far away they are, and the distances at the corners.
 
-_OCCUPIED: Final[Near] = ((), None)
+A cell is beside a rectangle or in line with it, along both axes: the first two numbers of how far are a sign and an
+offset, or zeros, for the way along the first axis, and so on. The distances are there if they may exceed the exact
+range.
+"""
+
+_OCCUPIED: Final[Near] = ((), (), None)
+
+
+class _Block(NamedTuple):
+    """The boxes around a block of cells.
+
+    Attributes:
+        boxes: all that may be nearest to a place of the block.
+        nearest: which of them may be nearest to a place in each cell, by row and column.
+        exact: whether all distances in the block are in the exact range.
+    """
+
+    boxes: Rectangles
+    nearest: NDArray[np.bool_]
+    exact: bool
 
 
 class Field(Pieces):
@@ -81,7 +101,7 @@ class Field(Pieces):
         self._cos: Final = math.cos(grid.yaw_rad) / grid.cell_m
         self._sin: Final = math.sin(grid.yaw_rad) / grid.cell_m
         self._known: dict[int, Near] = {}
-        self._blocks: dict[tuple[int, int], tuple[Rectangles, NDArray[np.bool_]]] = {}
+        self._blocks: dict[tuple[int, int], _Block] = {}
         self._looked: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
 
     def place(self, x_m: float, y_m: float) -> Point:
@@ -208,12 +228,11 @@ class Field(Pieces):
         if found is _OCCUPIED:
             depth = min(u - column, column + 1 - u, v - row, row + 1 - v)
             return beyond or -depth
-        near, far = found
+        _, ways, far = found
         square = math.inf
-        for low_u, low_v, high_u, high_v in near:
-            du = low_u - u if u + u < low_u + high_u else u - high_u
-            dv = low_v - v if v + v < low_v + high_v else v - high_v
-            one = (du * du if du > 0.0 else 0.0) + (dv * dv if dv > 0.0 else 0.0)
+        for sign_u, offset_u, sign_v, offset_v in ways:
+            du, dv = sign_u * u + offset_u, sign_v * v + offset_v
+            one = du * du + dv * dv
             if one < square:
                 square = one
         least = math.sqrt(square)
@@ -275,7 +294,7 @@ class Field(Pieces):
                 to_u = (column + (du > 0.0) - u) / du if du else math.inf
                 to_v = (row + (dv > 0.0) - v) / dv if dv else math.inf
                 end = min(at + min(to_u, to_v), length)
-                near, far = self._near(column, row)
+                near, _, far = self._near(column, row)
             else:
                 end, near, far = min(at + max(1.0, 0.25 * here), length), (), (0.0, 0.0, 0.0, 0.0)
             then = self._away(au + end * du, av + end * dv)
@@ -307,34 +326,45 @@ class Field(Pieces):
     def _candidates(self, column: int, row: int) -> Near:
         if self.occupied[row, column]:
             return _OCCUPIED
-        a, b, c, d = self.corners[row : row + 2, column : column + 2].ravel().tolist()
-        least = max(a, b, c, d) - _DIAGONAL
-        if least >= EXACT_CELLS:
-            return (), (a, b, c, d)
-        boxes, nearest = self._block(column // _BLOCK, row // _BLOCK)
-        chosen = boxes[nearest[row % _BLOCK, column % _BLOCK]].tolist()
-        near = tuple((low_u, low_v, high_u, high_v) for low_u, low_v, high_u, high_v in chosen)
-        return near, (a, b, c, d) if least + 2.0 * _DIAGONAL > EXACT_CELLS else None
+        place = column // _BLOCK, row // _BLOCK
+        far: Four | None = None
+        block = self._blocks.get(place)
+        if block is None or not block.exact:
+            a, b, c, d = self.corners[row : row + 2, column : column + 2].ravel().tolist()
+            least = max(a, b, c, d) - _DIAGONAL
+            if least >= EXACT_CELLS:
+                return (), (), (a, b, c, d)
+            if least + 2.0 * _DIAGONAL > EXACT_CELLS:
+                far = a, b, c, d
+            block = block or self._block(*place)
+        near = block.boxes[block.nearest[row % _BLOCK, column % _BLOCK]].tolist()
+        ways = tuple((*_way(column, low_u, high_u), *_way(row, low_v, high_v)) for low_u, low_v, high_u, high_v in near)
+        return tuple((low_u, low_v, high_u, high_v) for low_u, low_v, high_u, high_v in near), ways, far
 
-    def _block(self, column: int, row: int) -> tuple[Rectangles, NDArray[np.bool_]]:
-        """Return the boxes around a block of cells, and which may be nearest to a place in each cell, by row."""
-        found = self._blocks.get((column, row))
-        if found is None:
-            if len(self._blocks) >= _MOST_BLOCKS:
-                self._blocks.clear()
-            low_column, low_row = column * _BLOCK, row * _BLOCK
-            part = self.corners[low_row : low_row + _BLOCK + 1, low_column : low_column + _BLOCK + 1]
-            reach = math.ceil(min(float(part.max()) * (1.0 + 1e-5), EXACT_CELLS + _DIAGONAL) + _DIAGONAL) + 1
-            boxes = window(
-                self.occupied,
-                low_column - reach, low_row - reach, low_column + _BLOCK + reach, low_row + _BLOCK + reach,
-            )  # fmt: skip
-            apart_u, most_u = _apart(low_column, boxes[:, 0], boxes[:, 2])
-            apart_v, most_v = _apart(low_row, boxes[:, 1], boxes[:, 3])
-            # Anywhere in a cell, the nearest box is at most as far as the least of the boxes' upper bounds.
-            most = (most_v[:, None] + most_u).min(axis=2, initial=_INFINITE)
-            found = self._blocks[column, row] = boxes, apart_v[:, None] + apart_u <= most[..., None]
+    def _block(self, column: int, row: int) -> _Block:
+        """Return the boxes around a block of cells; cached."""
+        if len(self._blocks) >= _MOST_BLOCKS:
+            self._blocks.clear()
+        low_column, low_row = column * _BLOCK, row * _BLOCK
+        part = self.corners[low_row : low_row + _BLOCK + 1, low_column : low_column + _BLOCK + 1]
+        farthest = float(part.max())
+        reach = math.ceil(min(farthest * (1.0 + 1e-5), EXACT_CELLS + _DIAGONAL) + _DIAGONAL) + 1
+        boxes = window(
+            self.occupied,
+            low_column - reach, low_row - reach, low_column + _BLOCK + reach, low_row + _BLOCK + reach,
+        )  # fmt: skip
+        apart_u, most_u = _apart(low_column, boxes[:, 0], boxes[:, 2])
+        apart_v, most_v = _apart(low_row, boxes[:, 1], boxes[:, 3])
+        # Anywhere in a cell, the nearest box is at most as far as the least of the boxes' upper bounds.
+        most = (most_v[:, None] + most_u).min(axis=2, initial=_INFINITE)
+        nearest = apart_v[:, None] + apart_u <= most[..., None]
+        found = self._blocks[column, row] = _Block(boxes, nearest, farthest + _DIAGONAL <= EXACT_CELLS)
         return found
+
+
+def _way(cell: int, low: int, high: int) -> tuple[float, float]:
+    """Return the way from places of a cell to a rectangle, along one axis, as a sign and an offset."""
+    return (-1.0, low) if cell < low else (1.0, -high) if cell >= high else (0.0, 0.0)
 
 
 def _apart(low: int, starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

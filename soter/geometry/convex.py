@@ -131,6 +131,13 @@ Near = tuple[tuple[Edge, ...], tuple[Piece, ...]]
 """Candidates for the nearest: edges of pieces that a cell lies outside of, and other pieces."""
 
 
+Line = tuple[float, float, float, float]
+"""A place and a direction."""
+
+Part = tuple[Line | None, tuple[Edge, ...], tuple[Piece, ...]]
+"""Candidates for the nearest to a point of a part of a cell; first the line, if they are one edge straight across."""
+
+
 class _Chosen(NamedTuple):
     """Candidates for the nearest to a point of a cell: the pieces' indices, and their edges."""
 
@@ -169,6 +176,15 @@ def _ever_nearest(edges: tuple[Edge, ...], x_m: float, y_m: float, half_m: float
     return tuple(edge for away, hx, hy, edge in seen if away - half_m * (abs(hx - gx) + abs(hy - gy)) <= reach_m)
 
 
+def _across(edges: tuple[Edge, ...], x_m: float, y_m: float, half_m: float) -> Line | None:
+    """Return the line of the only edge if every point of a square is straight across it, not past one of its ends."""
+    if len(edges) != 1:
+        return None
+    ax, ay, ux, uy, length = edges[0]
+    along, wide = ux * (x_m - ax) + uy * (y_m - ay), half_m * (abs(ux) + abs(uy)) + 1e-9
+    return (ax, ay, ux, uy) if wide < along < length - wide else None
+
+
 class Pieces:
     """A fixed set of convex polygons.
 
@@ -192,14 +208,17 @@ class Pieces:
         self._top: Final = _TOP if len(self.all) > _FEW else 0
         self._whole: Final = _Chosen(np.arange(len(self.all)), ((), self.all))
         self._cells: dict[tuple[int, int, int], _Chosen] = {}
-        self._parts: dict[tuple[int, int], Near] = {}
+        self._parts: dict[tuple[int, int], Part] = {}
         self._within: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Return the signed distance from a point to the nearest piece; infinite without any."""
         per_m = self._parts_per_m
         part = _floor(x_m * per_m), _floor(y_m * per_m)
-        edges, pieces = self._parts.get(part) or self._near_part(*part)
+        line, edges, pieces = self._parts.get(part) or self._near_part(*part)
+        if line is not None:
+            ax, ay, ux, uy = line
+            return abs(ux * (y_m - ay) - uy * (x_m - ax))
         least = math.inf
         for ax, ay, ux, uy, length in edges:
             dx, dy = x_m - ax, y_m - ay
@@ -334,12 +353,15 @@ class Pieces:
         away: Floats = np.hypot(apart[:, 0], apart[:, 1])
         return away
 
-    def _near_part(self, column: int, row: int) -> Near:
+    def _near_part(self, column: int, row: int) -> Part:
         """Return what may be nearest to a point of a part of a cell; cached."""
         if len(self._parts) >= _MOST:
             self._parts.clear()
-        near = self._parts[column, row] = self._chosen(column, row, -1).near
-        return near
+        edges, pieces = self._chosen(column, row, -1).near
+        side_m = self._cell_m / _WIDER
+        line = _across(edges, (column + 0.5) * side_m, (row + 0.5) * side_m, side_m / 2.0) if not pieces else None
+        part = self._parts[column, row] = line, edges, pieces
+        return part
 
     def _chosen(self, column: int, row: int, level: int) -> _Chosen:
         """Return the candidates of a cell of a level; those of a larger cell if they are few already."""
