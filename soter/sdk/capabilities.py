@@ -28,6 +28,10 @@ _AT_LEAST_0: Final = (
 _UNPROMISED: Final = ("accel_m_s2", "speed_noise_m_s", "heading_noise_rad")
 """These may be None."""
 
+_LEAST: Final = 1e-6
+_MOST: Final = 1e6
+"""No robot is beyond these, and no quotient of two such figures is beyond what a float holds."""
+
 
 def is_finite(value: float) -> bool:
     """Return whether a number is finite as a Python float; compared in 32 bits, a limit could itself be infinite."""
@@ -98,9 +102,9 @@ class Capabilities:
             real, above = isinstance(value, Real), name in ABOVE_0
             if value is None and name in _UNPROMISED:
                 continue
-            if not real or not is_finite(value) or value < 0.0 or (above and value == 0.0):
-                least = "above" if above else "at least"
-                raise ValueError(f"Capabilities.{name} is {value!r}, allowed: a finite number, {least} 0")
+            least = _LEAST if above else 0.0
+            if not real or not is_finite(value) or not least <= value <= _MOST:
+                raise ValueError(f"Capabilities.{name} is {value!r}, allowed: a number from {least:g} to {_MOST:g}")
 
     @property
     def moving_m_s(self) -> float:
