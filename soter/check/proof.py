@@ -20,7 +20,7 @@ from soter.faults.vehicle import WheelSlipOptions
 from soter.rta import Region, RTAModule
 from soter.sdk import Capabilities
 from soter.stack.declaration import GEOFENCE, OBSTACLE, Declared
-from soter.stack.infrastructure import standing
+from soter.stack.infrastructure import held_back, standing
 from soter.stack.own_rules import broken_on
 from soter.stack.return_path import DETOUR_M
 from soter.stack.right_of_way import BATTERY, COLLISION
@@ -137,12 +137,15 @@ def _retreat(mission: MissionFile, made: Declared, promised: Capabilities, modul
     recovery, refuges, place = made.recovery, made.refuges, made.place
     # Without the battery's module nothing drives to the station.
     name, begin = ("station", made.dock.place) if BATTERY in mission.rta.order else ("start", (place.x_m, place.y_m))
-    way = refuges.way(standing(place.id, {place.id: begin}), 0.0)
+    situation = standing(place.id, {place.id: begin})
+    way = refuges.kept_way(situation, 0.0)
     if not way:
+        held = held_back(refuges, recovery, situation, 0.0)
+        own = f" and where the mission's own rules give it back: {held}" if held else ""
         text = (
             f"robot {place.id} never gets back to its AC: from its {name} at ({begin[0]:g}, {begin[1]:g}) no place can "
             f"be reached that is {ceil_m(max(refuges.fence_m, 0.0))} m from the fence and "
-            f"{ceil_m(refuges.clearance_m)} m from boxes; a smaller phi_safer_inset_m or phi_safer_m would do"
+            f"{ceil_m(refuges.clearance_m)} m from boxes{own}; a smaller phi_safer_inset_m or phi_safer_m would do"
         )
         return [Finding(module.name, "P2b", Certainty.REJECTED, text)]
     way_m = length_m([begin, *way])

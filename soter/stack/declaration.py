@@ -12,6 +12,7 @@ from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Box, RobotPlace, Workspace, grown
 from soter.rta import PairBound, Region, RTAModule, SpeedBound, Timing, Topic
+from soter.rta.module import plain
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Dock, GoHome
@@ -166,9 +167,7 @@ def declare(
     for module in own.values():
         _check_peer_model(module, worst)
     enforced = [own[name] for name in rta.order if name in own]
-    recovery.own_rules = [
-        OwnRule(module.phi_safe, module.of_pairs) for module in enforced if module.phi_safe is not None
-    ]
+    recovery.own_rules = [_own_rule(module, timing) for module in enforced if module.phi_safe is not None]
     if around := [
         each
         for rule in recovery.own_rules
@@ -176,11 +175,20 @@ def declare(
         for each in forbidden(rule.region, place, room, recovery.path_m)
     ]:
         dock.path = path_around(around)
+        kit.refuges.around = around
     # Each of the user's modules may keep a robot from going home for its `lets_go_s`.
     kit = replace(kit, contracts_s=sum(module.lets_go_s for module in enforced))
     modules = tuple(own[name] if name in own else made(name) for name in rta.order)
     others = tuple(each for each in workspace.robots if each.id != robot_id)
     return Declared(modules, recovery, kit.refuges, dock, place, others, peers, timing, tuple(own.values()))
+
+
+def _own_rule(module: RTAModule, timing: Timing) -> OwnRule:
+    assert module.phi_safe is not None
+    noise = plain(module.phi_safe.noise(timing.noise_m))
+    reach = plain(module.model.bound(module.horizon_s(timing))) if module.model is not None else 0.0
+    safer = module.phi_safer if isinstance(module.phi_safer, Region) else None
+    return OwnRule(module.phi_safe, module.of_pairs, safer, noise, noise + reach, module.name)
 
 
 def _refuges(

@@ -77,7 +77,7 @@ def check_infrastructure(
             f"there is no path for robot {robot.id} from its start at ({x_m:g}, {y_m:g}) to its charging station at "
             f"({path.place[0]:g}, {path.place[1]:g}) {why}",
         )  # fmt: skip
-    _check_refuge(robot, others, refuges, recovery.apart_m(age_s) if recovery.rules.pairs else 0.0)
+    _check_refuge(robot, others, refuges, recovery, recovery.apart_m(age_s) if recovery.rules.pairs else 0.0)
 
 
 def check_start(robot: RobotPlace, recovery: RecoveryPlanner) -> None:
@@ -141,13 +141,23 @@ def _check_neighbours(robot: RobotPlace, others: Sequence[RobotPlace], recovery:
             )  # fmt: skip
 
 
-def _check_refuge(robot: RobotPlace, others: Sequence[RobotPlace], refuges: RefugeFinder, apart_m: float) -> None:
+def _check_refuge(
+    robot: RobotPlace, others: Sequence[RobotPlace], refuges: RefugeFinder, recovery: RecoveryPlanner, apart_m: float
+) -> None:
     """Check that a robot gets from its station to a refuge while robots stand on all other stations."""
     stations = {each.id: each.charger.centre for each in (robot, *others)}
-    if refuges.way(standing(robot.id, stations), apart_m):
+    situation = standing(robot.id, stations)
+    if refuges.kept_way(situation, apart_m):
         return
     x_m, y_m = robot.charger.centre
     beside = f", and {ceil_m(apart_m)} m from the stations of the other robots" if others and apart_m else ""
+    if held := held_back(refuges, recovery, situation, apart_m):
+        raise IllFormedModule(
+            BATTERY, "P2b",
+            f"from the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) no place can be reached where "
+            f"geofence, obstacle and the mission's own rules give a robot back to its AC{beside}: {held}; rules that "
+            "leave more room there, or another station, would do",
+        )  # fmt: skip
     raise IllFormedModule(
         BATTERY, "P2b",
         f"from the charging station of robot {robot.id} at ({x_m:g}, {y_m:g}) no place can be reached that is "
@@ -155,6 +165,18 @@ def _check_refuge(robot: RobotPlace, others: Sequence[RobotPlace], refuges: Refu
         f"geofence and obstacle give a robot back to its AC{beside}; a smaller phi_safer_inset_m or phi_safer_m, or a "
         "station nearer to open ground, would do",
     )  # fmt: skip
+
+
+def held_back(refuges: RefugeFinder, recovery: RecoveryPlanner, situation: Situation, apart_m: float) -> str:
+    """Return, in words, what rule of the user's is on the way to the nearest refuge of the shipped modules.
+
+    Empty if no way leads to one, or no such rule is on it.
+    """
+    own, legs = situation.own, refuges.way(situation, apart_m)
+    line = [(own.x_m, own.y_m), *legs]
+    where = next(filter(None, (rule.outside(own.robot_id, line) for rule in recovery.own_rules)), "")
+    end = f"({line[-1][0]:.4g}, {line[-1][1]:.4g})"
+    return f"the way to the nearest of the first two, {end}, leads through {where}" if legs and where else ""
 
 
 def standing(robot_id: int, places: Mapping[int, Sequence[float]]) -> Situation:

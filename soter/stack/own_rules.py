@@ -19,6 +19,7 @@ from soter.stack.terrain import Point, Terrain
 _FAR_M: Final = 10.0
 _CLOSE_ENOUGH_M: Final = 0.005
 _STEP_M: Final = 0.1
+_ROUNDING: Final = 1e-9
 _CELLS: Final = 80
 _STRIPS: Final = 8
 """Number of strips of rows that cover a forbidden area; one rectangle around a disc would waste its corners."""
@@ -27,10 +28,47 @@ _SHARES: Final = (0.5, 1.0)
 
 
 class OwnRule(NamedTuple):
-    """The rule of a user's module: its phi_safe, and whether peers use up its margin as well."""
+    """The rule of a user's module.
+
+    Attributes:
+        region: its phi_safe.
+        of_pairs: whether peers use up its margin as well.
+        safer: its phi_safer; None if that is no region.
+        noise: how far margins may be off.
+        needs: the least margin of phi_safe with which the module leaves a robot to its AC.
+        name: the module's.
+    """
 
     region: Region
     of_pairs: bool
+    safer: Region | None = None
+    noise: float = 0.0
+    needs: float = 0.0
+    name: str = ""
+
+    def allows_stay(self, robot_id: int, x_m: float, y_m: float) -> bool:
+        """Return whether the module would give a robot at rest there to its AC; elsewhere it may take the robot itself.
+
+        With a rule about pairs that depends on the others.
+        """
+        return self.safer is None or self.of_pairs or _margin(self.safer, robot_id, x_m, y_m) >= self.noise
+
+    def allows_way(self, own: Sample, x_m: float, y_m: float) -> bool:
+        """Return whether the module leaves a robot on a straight line there to others, or it comes no farther out."""
+        if self.safer is None or self.of_pairs:
+            return True
+        least = min(self.needs, _margin(self.region, own.robot_id, own.x_m, own.y_m) - _ROUNDING)
+        return broken_on(self.region, own.robot_id, [(own.x_m, own.y_m), (x_m, y_m)], least) is None
+
+    def outside(self, robot_id: int, line: Sequence[Point]) -> str:
+        """Return where on a line the module would not give a robot at rest to its AC, in words; empty if it would."""
+        if self.safer is None or self.of_pairs or (where := broken_on(self.safer, robot_id, line, self.noise)) is None:
+            return ""
+        margin, unit = _margin(self.safer, robot_id, *where), self.safer.unit
+        return (
+            f"({where[0]:.4g}, {where[1]:.4g}), where the margin of phi_safer of '{self.name}' is {margin:.3f} {unit} "
+            f"and has to be {self.noise:.3f} {unit}"
+        )
 
     def allows(self, situation: Situation, bx_m: float, by_m: float, off_m: float, peer_m: float) -> bool:
         """Return whether the rule holds, or gets no worse, along the leg to b and wherever the robot may stray from it.
@@ -105,7 +143,7 @@ def forbidden(region: Region, place: RobotPlace, terrain: Terrain, beside_m: flo
     step_m = max(high_x - low_x, high_y - low_y) / _CELLS
     xs = np.arange(low_x, high_x + step_m, step_m)
     ys = np.arange(low_y, high_y + step_m, step_m)
-    broken = np.array([[not _holds(region, place.id, float(x), float(y)) for x in xs] for y in ys])
+    broken = np.array([[not _margin(region, place.id, float(x), float(y)) >= 0.0 for x in xs] for y in ys])
     rows = np.flatnonzero(broken.any(axis=1))
     strips = np.array_split(rows, min(_STRIPS, len(rows))) if len(rows) else []
     found = [
@@ -123,25 +161,26 @@ def _runs(row: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(start), int(end) - 1) for start, end in edges.reshape(-1, 2)]
 
 
-def broken_on(region: Region, robot_id: int, line: Sequence[Point]) -> Point | None:
-    """Return the first place on a line where a rule about one robot does not hold at rest; None if there is none."""
+def broken_on(region: Region, robot_id: int, line: Sequence[Point], least: float = 0.0) -> Point | None:
+    """Return the first place on a line where a robot at rest has a margin below `least`; None if there is none."""
     for (ax_m, ay_m), (bx_m, by_m) in pairwise(line):
         steps = max(1, math.ceil(math.hypot(bx_m - ax_m, by_m - ay_m) / _STEP_M))
         for step in range(steps + 1):
             x_m, y_m = ax_m + (bx_m - ax_m) * step / steps, ay_m + (by_m - ay_m) * step / steps
-            if not _holds(region, robot_id, x_m, y_m):
+            # Written so that NaN counts as less.
+            if not _margin(region, robot_id, x_m, y_m) >= least:
                 return x_m, y_m
     return None
 
 
-def _holds(region: Region, robot_id: int, x_m: float, y_m: float) -> bool:
-    """Return whether a rule holds for a robot at rest there; if it raises, its decision module reports that."""
+def _margin(region: Region, robot_id: int, x_m: float, y_m: float) -> float:
+    """Return the margin of a robot at rest there; infinity if it raises: its decision module reports that."""
     try:
-        return bool(region.margin(Situation(robot_id, _at_rest(robot_id, x_m, y_m), 0.0)) >= 0.0)
+        return float(region.margin(Situation(robot_id, _at_rest(robot_id, x_m, y_m), 0.0)))
     except KeyboardInterrupt:
         raise
     except BaseException:  # noqa: BLE001 - foreign code
-        return True
+        return math.inf
 
 
 def _at_rest(robot_id: int, x_m: float, y_m: float) -> RobotState:

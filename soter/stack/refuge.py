@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Final
 
@@ -11,15 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soter.rta import Situation
+from soter.stack.own_rules import OwnRule
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.right_of_way import Path, from_line
 from soter.stack.routes import Routes
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 
 LOOK_M: Final = (1.0, 2.5, 6.0)
 TRIED: Final = 40
 FEW: Final = 4
 """How many of the nearest candidates are tried by a path around boxes and peers, which takes longer to find."""
+
+_ASKED: Final = 400
+"""Of how many candidates, evenly spread by distance, the user's rules are asked."""
 
 SEEDS: Final = 200
 """How many of the cells that are refuges are tried for a path."""
@@ -44,6 +49,7 @@ class RefugeFinder:
         static: which cells of the terrain are refuges from fence and boxes.
         leave: a path of another robot that a refuge must not lie on; None if there is none.
         aside: whether any place will do where a robot can stand and leave again, because others need room.
+        around: rectangles that hold where the user's own rules do not; paths lead around them.
     """
 
     def __init__(self, terrain: Terrain, recovery: RecoveryPlanner, fence_m: float, clearance_m: float) -> None:
@@ -54,6 +60,8 @@ class RefugeFinder:
         self.clearance_m: Final = clearance_m
         self.leave: Path | None = None
         self.aside = False
+        self.around: Sequence[Rectangle] = ()
+        self._kept: Sequence[OwnRule] = ()
         self.static: Final = terrain.roomy_cells(fence_m, clearance_m)
         self._standable: Final = terrain.roomy_cells(min(fence_m, self._path_m), min(clearance_m, self._path_m))
 
@@ -69,7 +77,21 @@ class RefugeFinder:
         return min(peer_m, self._recovery.apart_m(situation.age_s)) if self.aside else peer_m
 
     def way(self, situation: Situation, peer_m: float) -> list[Point]:
-        """Return the corners of a path to the nearest refuge at least `peer_m` from every peer; empty if none."""
+        """Return the corners of a path to the nearest refuge at least `peer_m` from every peer; empty if none.
+
+        Where there is no refuge that keeps the user's own rules, another one will do.
+        """
+        if legs := self.kept_way(situation, peer_m):
+            return legs
+        self._kept = ()
+        return self._way_there(situation, peer_m) if self._recovery.own_rules else []
+
+    def kept_way(self, situation: Situation, peer_m: float) -> list[Point]:
+        """Return a path as `way` does, to a refuge where no module of the user's takes the robot; empty if none."""
+        self._kept = self._recovery.own_rules
+        return self._way_there(situation, peer_m)
+
+    def _way_there(self, situation: Situation, peer_m: float) -> list[Point]:
         if not self.aside:
             return self._way(situation, peer_m)
         # Paths lead around squares about the peers, beyond whose corners they are certified all along.
@@ -145,7 +167,9 @@ class RefugeFinder:
             for p in situation.peers
         ):
             return False
-        return self._recovery.sees(situation, x_m, y_m, self.needs_m[1])
+        return self._recovery.sees(situation, x_m, y_m, self.needs_m[1]) and all(
+            rule.allows_stay(own.robot_id, x_m, y_m) and rule.allows_way(own, x_m, y_m) for rule in self._kept
+        )
 
     def _around(self, situation: Situation, candidates: list[Point]) -> list[Point]:
         """Return a path to one of several places around boxes; around peers, too, if others need room."""
@@ -154,7 +178,8 @@ class RefugeFinder:
         peers = [(p.x_m - apart_m, p.y_m - apart_m, p.x_m + apart_m, p.y_m + apart_m) for p in situation.peers]
         for extra in (peers, ()) if peers and self.aside else ((),):
             for place in candidates[:: TRIED // FEW] if self.aside else candidates[:1]:
-                routes = Routes(self._terrain, place, self._path_m, min(self._path_m, self.fence_m), extra)
+                around = (*extra, *self.around) if self._kept else extra
+                routes = Routes(self._terrain, place, self._path_m, min(self._path_m, self.fence_m), around)
                 if legs := routes.legs(own.x_m, own.y_m):
                     return legs
         return []
@@ -199,9 +224,17 @@ class RefugeFinder:
         distance = (xs.ravel()[chosen] - own.x_m) ** 2 + (ys.ravel()[chosen] - own.y_m) ** 2
         # A stable sort, so that equally near cells are tried in the same order on every host.
         nearest = chosen[np.argsort(distance, kind="stable")]
+        if self._kept:
+            # Foreign code may be slow.
+            nearest = nearest[:: max(1, nearest.size // _ASKED)]
         places = ((float(x), float(y)) for x, y in zip(xs.ravel()[nearest], ys.ravel()[nearest], strict=True))
-        leave = self.leave
-        return list(islice((place for place in places if leave is None or not leave.near(*place)), TRIED))
+        return list(islice((place for place in places if self._may_stay(situation, place)), TRIED))
+
+    def _may_stay(self, situation: Situation, place: Point) -> bool:
+        """Return whether nothing else takes a robot from that place: no path to be left, and no rule of the user's."""
+        if self.leave is not None and self.leave.near(*place):
+            return False
+        return all(rule.allows_stay(situation.robot_id, *place) for rule in self._kept)
 
 
 def _along_rows(fits: NDArray[np.bool_], reached: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -45,6 +45,18 @@ class EastOrSlow(EastOf):
         return max(own.x_m - self.least_m, 0.1 * (0.15 - math.hypot(own.vx_m_s, own.vy_m_s)))
 
 
+@dataclass(frozen=True)
+class WestOf(Region):
+    most_m: float
+
+    def margin(self, situation: Situation) -> float:
+        return self.most_m - situation.own.x_m
+
+    def edge_margin(self, safer: Region) -> float:
+        assert isinstance(safer, WestOf)
+        return self.most_m - safer.most_m
+
+
 class Controller(Node):
     """Publishes where a function wants to go."""
 
@@ -94,6 +106,11 @@ def _made(kit: ModuleKit, motion: Motion) -> RTAModule:
 
 def right(kit: ModuleKit) -> RTAModule:
     return _made(kit, east)
+
+
+def beside_the_fence(kit: ModuleKit) -> RTAModule:
+    """Gives robots back only where the geofence module does not."""
+    return replace(_made(kit, west), phi_safe=WestOf(0.55), phi_safer=WestOf(0.42 - REACH_M))
 
 
 def sc_leaves(kit: ModuleKit) -> RTAModule:

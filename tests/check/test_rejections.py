@@ -90,13 +90,16 @@ def test_what_would_do_for_a_battery_is_no_more_than_a_charge(battery: dict[str,
         declared[1].module("battery").check(declared[1].timing, asked.base_tick_s)
 
 
-def users_rule(modules: list[str], *robots: RobotPlace, name: str = "right") -> None:
+def users_rule(modules: list[str], *robots: RobotPlace, name: str = "right", inset_m: float = 0.1) -> None:
     """Admit robots with a module of the user's; `right` wants them east of 1 m."""
     own = {"declare": f"tests.check.planted:{name}"}
     asked = load_mission(
         ROOT / "examples" / "surveillance.toml",
-        {"backend": "kinematic", "rta.modules": modules, "rta.module": {"own": own}},
-    )
+        {
+            "backend": "kinematic", "rta.modules": modules, "rta.module": {"own": own},
+            "rta.geofence.phi_safer_inset_m": inset_m,
+        },
+    )  # fmt: skip
     workspace = Workspace(5.0, 5.0, (), robots)
     backend = load_backend("kinematic")
     admitted(asked, workspace, backend, read_options(backend, asked, workspace), ill_formed=False, unproved=True)
@@ -189,6 +192,12 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
         "P2b", lambda: station(2.5, 2.5, beside=(RobotPlace(2, 4.0, 4.0, Box(2.6, 2.4, 2.8, 2.6)),)),
     ),
     "no place can be reached": ("P2b", lambda: station(3.0, 0.175, Box(0.0, 0.35, 5.0, 0.6), start=(1.0, 0.175))),
+    "where the margin of phi_safer of 'own' is": (
+        "P2b", lambda: users_rule(
+            ["battery", "geofence"], RobotPlace(1, 0.15, 1.0, Box(0.0, 0.85, 0.3, 1.15)), name="beside_the_fence",
+            inset_m=0.3,
+        ),
+    ),
     "robot 1 starts at (2.5, 0), 0.000 m from the fence": ("A13", lambda: station(2.5, 2.5, start=(2.5, 0.0))),
     "at most 24 s would do": ("P2b", lambda: dwelling(30.0)),
     "which a robot does not promise": (

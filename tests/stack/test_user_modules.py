@@ -24,6 +24,7 @@ from soter.stack.battery import GoHome
 from soter.stack.certified_controller import CertifiedController
 from soter.stack.module_kit import GoTo, ModuleKit
 from soter.stack.own_rules import OwnRule
+from soter.stack.refuge import RefugeFinder
 from tests.project.source import ROOT
 from tests.rta.doubles import At, module
 from tests.stack.ground import dock, planner, seen
@@ -350,3 +351,38 @@ def test_a_place_is_chosen_anew_once_the_robot_has_stood_for_a_while() -> None:
         assert out.value is not None
         wanted.append((out.value.x_m, out.value.y_m))
     assert wanted == [(0.0, 0.0)] * 2 + [(3.0, 3.0)] * 4 + [(4.0, 4.0)]
+
+
+# --- refuges -----------------------------------------------------------------------------------------------
+
+
+def refuges_beside(rule: OwnRule) -> RefugeFinder:
+    recovery = planner()
+    recovery.own_rules = [rule]
+    finder = RefugeFinder(recovery.terrain, recovery, 0.5, 0.2)
+    region = rule.region
+    assert isinstance(region, Outside)
+    finder.around = [(region.x_m - 0.6, region.y_m - 0.6, region.x_m + 0.6, region.y_m + 0.6)]
+    return finder
+
+
+@pytest.mark.parametrize("x_m", [1.0, 1.3, 1.7])
+def test_a_refuge_is_where_no_module_of_the_users_takes_the_robot(x_m: float) -> None:
+    safe, safer = Outside(x_m, 0.6, 0.3), Outside(x_m, 0.6, 0.5)
+    finder = refuges_beside(OwnRule(safe, of_pairs=False, safer=safer, noise=0.02, needs=0.1, name="keep-out"))
+    situation = seen(At(x_m, 0.12))
+    legs = finder.kept_way(situation, 0.0)
+    assert legs == finder.way(situation, 0.0)
+    assert math.dist(legs[-1], (x_m, 0.6)) >= 0.5 + 0.02
+    plain = RefugeFinder(finder._terrain, planner(), 0.5, 0.2).way(situation, 0.0)
+    assert math.dist(plain[-1], (x_m, 0.6)) < 0.5
+
+
+def test_if_none_is_anywhere_else_will_do() -> None:
+    rule = OwnRule(Outside(2.5, 2.5, 5.0), of_pairs=False, safer=Outside(2.5, 2.5, 6.0), name="keep-out")
+    finder, situation = refuges_beside(rule), seen(At(1.0, 0.12))
+    assert finder.kept_way(situation, 0.0) == []
+    assert finder.way(situation, 0.0)
+    assert rule.outside(1, [(1.0, 0.1), *finder.way(situation, 0.0)]).startswith(
+        "(1, 0.1), where the margin of phi_safer"
+    )
