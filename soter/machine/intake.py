@@ -17,8 +17,6 @@ from soter.machine.tables import IGNORE, LAST_INTERRUPTIBLE, LAST_TAKEN, PREEMPT
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator
 
-    from soter.machine.events import Event, MachineRef
-
 
 class Timer:
     """An event that will be sent at a time. Used from the runtime's thread only.

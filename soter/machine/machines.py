@@ -173,21 +173,7 @@ class Machine:
         return context
 
 
-_MACHINE_NAMES = frozenset(
-    {
-        "ref",
-        "now",
-        "send",
-        "announce",
-        "create",
-        "after",
-        "choose",
-        "receive",
-        "_context",
-        "_own_context",
-        "_running_context",
-    }
-)
+_MACHINE_NAMES = frozenset({"_context", *(name for name in vars(Machine) if not name.startswith("__"))})
 
 
 class Spec:
