@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from soter.machine.audience import Audience, Transition
 from soter.machine.context import MachineContext, SpecContext
 from soter.machine.errors import MachineError, MisuseError
-from soter.machine.events import Event, MachineRef, guard_of
+from soter.machine.events import Event, MachineRef, check_event
 from soter.machine.intake import NOTHING, TimerQueue
 from soter.machine.machines import Machine
 from soter.machine.states import NO_PAYLOAD, State
@@ -152,9 +152,7 @@ class Core:
 
     def send(self, context: MachineContext, to: MachineRef, event: Event) -> None:
         """Send an event for a handler, or for the outside."""
-        guard = guard_of(event.__class__)
-        if guard is not None:
-            guard(event)
+        check_event(event)
         if to.__class__ is not MachineRef or to.id not in self.contexts or to.node != self.node:
             self.check_target(to)
         outbox = context.outbox
@@ -170,9 +168,7 @@ class Core:
 
     def announce(self, context: MachineContext, event: Event) -> None:
         """Show the specs an event that is not sent to any machine."""
-        guard = guard_of(event.__class__)
-        if guard is not None:
-            guard(event)
+        check_event(event)
         if context.outbox:
             context.outbox.append((None, event))
         else:
@@ -217,9 +213,7 @@ class Core:
 
     def call_at(self, time_s: float, to: MachineRef, event: Event) -> Timer:
         """Add a timer."""
-        guard = guard_of(event.__class__)
-        if guard is not None:
-            guard(event)
+        check_event(event)
         self.check_target(to)
         return self.timers.add(time_s, to, event)
 

@@ -81,6 +81,8 @@ _ABSTRACT_MUTABLE: frozenset[type] = frozenset(
 )
 
 Guard = typing.Optional["Callable[[Event], None]"]
+"""The check that instances of an event class must pass when they are sent; None if they need none."""
+
 _guards: dict[type, Guard] = {}
 
 
@@ -89,17 +91,19 @@ def is_event_class(cls: object) -> bool:
     return isinstance(cls, type) and issubclass(cls, Event)
 
 
-def guard_of(cls: Any) -> Guard:
-    """Return the check that instances of an event class must pass when they are sent; None if they need none.
+def check_event(event: Any) -> None:
+    """Check an event that is about to be sent.
 
     Raises:
-        EventError: The class is no event, or one of its fields is mutable.
+        EventError: It is no event, or one of its fields is mutable.
     """
+    cls = event.__class__
     try:
-        return _guards[cls]
+        guard = _guards[cls]
     except KeyError:
         guard = _guards[cls] = _make_guard(cls)
-        return guard
+    if guard is not None:
+        guard(event)
 
 
 def _make_guard(cls: Any) -> Guard:

@@ -10,7 +10,7 @@ from soter.machine.audience import Transition
 from soter.machine.context import SpecContext
 from soter.machine.core import Core
 from soter.machine.errors import LivenessError, MachineError, MisuseError
-from soter.machine.events import Event, Halt, MachineRef, guard_of
+from soter.machine.events import Event, Halt, MachineRef, check_event
 from soter.machine.states import NO_PAYLOAD
 
 if TYPE_CHECKING:
@@ -144,9 +144,7 @@ class Runtime:
             EventError: The event is not immutable.
             MisuseError: There is no such machine.
         """
-        guard = guard_of(event.__class__)
-        if guard is not None:
-            guard(event)
+        check_event(event)
         self._core.check_target(to)
         if self._closed:
             return
