@@ -101,7 +101,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def capabilities_of(robot: RobotAbout | PeerAbout) -> Capabilities:
+def capabilities_of(robot: PeerAbout) -> Capabilities:
     """Return what a recorded robot promised.
 
     Raises:

@@ -10,7 +10,7 @@ from soter.record.messages import Message, StateMessage, Whole
 
 
 class PeerAbout(Message):
-    """One robot that another process supervises.
+    """One robot that another process supervises; of the run's own robots, there is more in `RobotAbout`.
 
     Attributes:
         robot_id: its number.
@@ -21,18 +21,14 @@ class PeerAbout(Message):
     capabilities: dict[str, float | bool | str]
 
 
-class RobotAbout(Message):
+class RobotAbout(PeerAbout):
     """One robot of a run.
 
     Attributes:
-        robot_id: its number.
-        capabilities: what it promised, by name, without what it left open.
         initial: the sample before the first tick.
         modules: its modules.
     """
 
-    robot_id: Whole
-    capabilities: dict[str, float | bool | str]
     initial: StateMessage
     modules: tuple[ModuleAbout, ...]
 

@@ -116,6 +116,13 @@ class RobotTick(Message):
     check: Annotated[str, Meta(description="Checksum of this record, see soter.record.check.")] = ""
 
 
+class RobotEvent(Message):
+    """What all events of one robot share."""
+
+    time_s: FleetTime
+    robot_id: RobotId
+
+
 class HeardMessage(Message):
     """What another process is known to have heard of one of this process's robots."""
 
@@ -123,11 +130,9 @@ class HeardMessage(Message):
     stamp_s: Annotated[float, Meta(description="Fleet time of the latest sample of it that was heard.")]
 
 
-class PeerEvent(Message):
+class PeerEvent(RobotEvent):
     """A robot that another process supervises, as it was known at a tick. There is one a tick for each of them."""
 
-    time_s: FleetTime
-    robot_id: RobotId
     state: Annotated[
         StateMessage | UnsetType,
         Meta(description="Its latest sample; its stamp is the earliest that it can be of. Absent before the first."),
@@ -139,11 +144,9 @@ class PeerEvent(Message):
     check: Annotated[str, Meta(description="Checksum of this record, see soter.record.check.")] = ""
 
 
-class GoalEvent(Message):
+class GoalEvent(RobotEvent):
     """A goal was sent to a robot, or ended. That one was superseded is not recorded: the next goal says it."""
 
-    time_s: FleetTime
-    robot_id: RobotId
     goal_id: Annotated[Whole, Meta(description="Number of the goal, unique for its robot.")]
     by: Annotated[str, Meta(description="AC or SC.")]
     status: Annotated[str, Meta(description="active when it was sent, then how it ended.")]
@@ -155,11 +158,9 @@ class GoalEvent(Message):
     reason: Annotated[str, Meta(description="Why it ended so.")] = ""
 
 
-class SwitchEvent(Message):
+class SwitchEvent(RobotEvent):
     """A robot changed hands, or the module that drives it changed."""
 
-    time_s: FleetTime
-    robot_id: RobotId
     before: Annotated[str, Meta(description="Who drove: AC or a module.")]
     after: Annotated[str, Meta(description="Who drives now: AC or a module.")]
     module: Annotated[str, Meta(description="The module that caused it, or supervisor.")]
@@ -167,11 +168,9 @@ class SwitchEvent(Message):
     joined: Annotated[tuple[str, ...], Meta(description="Further modules that fired at the same tick.")] = ()
 
 
-class TargetEvent(Message):
+class TargetEvent(RobotEvent):
     """A robot was given a target, or is done with it."""
 
-    time_s: FleetTime
-    robot_id: RobotId
     target_id: Annotated[Whole, Meta(description="Number of the target.")]
     x_m: Annotated[float | UnsetType, Meta(description="East; absent when it has ended.")] = UNSET
     y_m: Annotated[float | UnsetType, Meta(description="North; absent when it has ended.")] = UNSET
@@ -191,11 +190,9 @@ class TransitionEvent(Message):
     detail: Annotated[str, Meta(description="The event, cut after 200 characters.")] = ""
 
 
-class FaultEvent(Message):
+class FaultEvent(RobotEvent):
     """An injected fault has spoilt something since the record before."""
 
-    time_s: FleetTime
-    robot_id: RobotId
     kind: Annotated[str, Meta(description="Kind of the fault.")]
     declared: Annotated[bool, Meta(description="Whether the robot's promises were widened by it.")]
     affected: Annotated[
@@ -224,11 +221,9 @@ class WorstMessage(Message):
     cause: Annotated[str, Meta(description="What was seen then.")]
 
 
-class BreachEvent(Message):
+class BreachEvent(RobotEvent):
     """Looks at which an assumption failed, at most 2 s apart; told again, a second later, while there are more."""
 
-    time_s: FleetTime
-    robot_id: RobotId
     assumption: Annotated[str, Meta(description="Its number, such as A14; see docs/assurance.md.")]
     start_s: Annotated[float, Meta(description="Fleet time of the first look.")]
     last_s: Annotated[float, Meta(description="Fleet time of the last one up to now.")]
@@ -240,11 +235,9 @@ class BreachEvent(Message):
     ] = ()
 
 
-class StallEvent(Message):
+class StallEvent(RobotEvent):
     """A robot has been without its AC for 300 s, and was not charging; or that has ended."""
 
-    time_s: FleetTime
-    robot_id: RobotId
     start_s: Annotated[float, Meta(description="Fleet time since when it is without its AC.")]
     module: Annotated[str, Meta(description="The module whose safe controller has it.")]
     cause: Annotated[str, Meta(description="Why.")]
