@@ -15,8 +15,8 @@ from PIL import Image
 
 from soter.record.tracks import RunTracks
 from soter.report.caption import Caption
-from soter.report.ground import INK
-from soter.report.picture import make_figure, styled
+from soter.report.ground import INK, styled
+from soter.report.picture import make_figure
 from soter.report.plan import draw_ways
 from soter.report.strokes import end_s, time_unit, until
 

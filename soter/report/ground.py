@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from contextlib import AbstractContextManager
 from typing import Final
 
 import matplotlib as mpl
@@ -25,10 +26,8 @@ def workspace_png(workspace: Workspace) -> bytes:
     low_x, low_y, high_x, high_y = workspace.bounds
     wide_m, deep_m = high_x - low_x, high_y - low_y
     rim_m, scale = _RIM * max(wide_m, deep_m), _SIDE_IN / max(wide_m, deep_m)
-    buffer = io.BytesIO()
-    with mpl.rc_context({"font.family": ["DejaVu Sans"], "font.size": 9.0}):
+    with styled():
         figure = Figure(figsize=(max(3.0, scale * wide_m) + 1.0, max(3.0, scale * deep_m) + 1.0), dpi=110)
-        FigureCanvasAgg(figure)
         axes = figure.add_subplot(aspect="equal")
         axes.set_facecolor(OUTSIDE)
         axes.set_xlim(low_x - rim_m, high_x + rim_m)
@@ -39,7 +38,19 @@ def workspace_png(workspace: Workspace) -> bytes:
             axes.annotate(str(place.id), (place.x_m, place.y_m), (5, 5), textcoords="offset points", color=INK)
         axes.set_xlabel("east, m", color=SOFT)
         axes.set_ylabel("north, m", color=SOFT)
-        figure.savefig(buffer, format="png", metadata={"Software": "SOTER"})
+        return png_of(figure)
+
+
+def styled() -> AbstractContextManager[None]:
+    """Return a context in which matplotlib has the settings of pictures."""
+    return mpl.rc_context({"font.family": ["DejaVu Sans"], "font.size": 9.0, "axes.linewidth": 0.8})
+
+
+def png_of(figure: Figure) -> bytes:
+    """Return a figure as the content of a PNG file."""
+    buffer = io.BytesIO()
+    FigureCanvasAgg(figure)
+    figure.savefig(buffer, format="png", metadata={"Software": "SOTER"})
     return buffer.getvalue()
 
 

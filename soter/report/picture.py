@@ -5,15 +5,11 @@ The picture has a canvas of its own and does not touch matplotlib's global state
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from typing import Any, Final
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
@@ -21,7 +17,7 @@ from matplotlib.patches import Rectangle
 from soter.record.tracks import RunTracks, Track
 from soter.report.caption import Caption
 from soter.report.colours import MODULES, ROBOTS, driver_colour
-from soter.report.ground import BOX, CHARGER, INK, SOFT, STRIP
+from soter.report.ground import BOX, CHARGER, INK, SOFT, STRIP, png_of, styled
 from soter.report.plan import (
     ALARM,
     draw_place,
@@ -52,17 +48,8 @@ _FAINT = "#D9DCE1"
 
 def draw_png(tracks: RunTracks, caption: Caption | None = None) -> bytes:
     """Return the picture of a run as the content of a PNG file."""
-    buffer = io.BytesIO()
     with styled():
-        figure = make_figure(tracks, caption or Caption())
-        FigureCanvasAgg(figure)
-        figure.savefig(buffer, format="png", metadata={"Software": "SOTER"})
-    return buffer.getvalue()
-
-
-def styled() -> AbstractContextManager[None]:
-    """Return a context in which matplotlib has the settings of pictures."""
-    return mpl.rc_context({"font.family": ["DejaVu Sans"], "font.size": 9.0, "axes.linewidth": 0.8})
+        return png_of(make_figure(tracks, caption or Caption()))
 
 
 def make_figure(run: RunTracks, caption: Caption, *, ways: bool = True) -> Figure:
