@@ -29,32 +29,18 @@ _LEAST_SPREAD: Final = 0.01
 _SMOOTHING: Final = 0.7
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """The worst point of a search.
-
-    Attributes:
-        vector: the point; empty if there was no point with a finite score.
-        score: its score; negative is a counterexample.
-        evaluations: how many points were tried.
-    """
-
-    vector: Vector
-    score: float
-    evaluations: int
-
-
 def search(
     score: Callable[[Vector], float],
     dimensions: int,
     budget: int,
     seed: int,
     start: Sequence[tuple[Vector, float]] = (),
-) -> Found:
-    """Look for the point with the least score; stop at the first that is negative.
+) -> None:
+    """Look for the point with the least score; stop at the first that is negative, which is a counterexample.
 
     Args:
-        score: returns the score of a point of the unit cube; infinite if the point says nothing.
+        score: called with every point of the unit cube that is tried; returns its score, infinite if the point says
+            nothing.
         dimensions: dimensions of the cube, at least 1.
         budget: largest number of evaluations.
         seed: seed of all random numbers.
@@ -92,10 +78,6 @@ def search(
         drawn = random.normal(mean, np.maximum(spread, _LEAST_SPREAD), size=(BATCH, dimensions))
         # Reflect into the unit interval, so that angles and places near an edge stay near it.
         going = evaluate(1.0 - np.abs(drawn % 2.0 - 1.0))
-    known.sort(key=lambda each: each[1])
-    if not known or not math.isfinite(known[0][1]):
-        return Found((), math.inf, tried)
-    return Found(known[0][0], known[0][1], tried)
 
 
 def _stratified(random: np.random.Generator, dimensions: int, count: int) -> np.ndarray:
