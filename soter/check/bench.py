@@ -25,7 +25,7 @@ from soter.faults import FaultyFleet
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.problems import config_error, pydantic_problems
 from soter.registry import load_backend
-from soter.rta import Assumption, DecisionModule, Region, RTAModule, Sample, Situation, Timing
+from soter.rta import Assumption, DecisionModule, Region, RTAModule, Situation, Timing
 from soter.rta.assumptions import Breach
 from soter.rta.module import margin_of
 from soter.sdk import Controller, Fleet, RobotSpec, RobotState, Waypoint
@@ -317,18 +317,14 @@ class _Run:
         if region is None:
             return 0.0
         here = situation.own
+        assert isinstance(here, RobotState)
         slopes = []
-        for dx, dy in ((_ASIDE_M, 0.0), (0.0, _ASIDE_M)):
-            there = Situation(robot_id, self._moved(here, dx, dy), situation.now_s)
+        for aside in (here._replace(x_m=here.x_m + _ASIDE_M), here._replace(y_m=here.y_m + _ASIDE_M)):
+            there = Situation(robot_id, aside, situation.now_s)
             there.peers = situation.peers
             slopes.append(margin_of(region, there) - margin_of(region, situation))
         level = not all(map(math.isfinite, slopes)) or slopes == [0.0, 0.0]
         return 0.0 if level else math.atan2(-slopes[1], -slopes[0])
-
-    @staticmethod
-    def _moved(state: Sample, dx_m: float, dy_m: float) -> Sample:
-        assert isinstance(state, RobotState)
-        return state._replace(x_m=state.x_m + dx_m, y_m=state.y_m + dy_m)
 
     def _judge(self, now_s: float) -> None:
         name = self._bench.module.name
@@ -371,9 +367,8 @@ class _Run:
 
     def _over(self, now_s: float) -> bool:
         """Return whether the trial is over: all robots that were taken over have come back, or none was taken over."""
-        if self._switched:
-            return self._switched == self._returned or (not self._in_sc_since_s and now_s > ATTACK_S)
-        return not self._in_sc_since_s and now_s > ATTACK_S
+        all_back = bool(self._switched) and self._switched == self._returned
+        return all_back or (not self._in_sc_since_s and now_s > ATTACK_S)
 
     def _spare(self) -> float:
         longest_s = max(self._returns_s, default=math.nan)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 
 from soter.errors import IllFormedModule
@@ -45,13 +45,7 @@ class Finding:
 
     def as_dict(self) -> dict[str, object]:
         """Return the finding as a dict for JSON."""
-        return {
-            "module": self.module,
-            "condition": self.condition,
-            "verdict": self.verdict.value,
-            "text": self.text,
-            "figures": dict(self.figures),
-        }
+        return {**asdict(self), "verdict": self.verdict.value}
 
 
 def rejection(failure: IllFormedModule) -> Finding:
