@@ -85,8 +85,6 @@ class VariantRun:
     """One run of a variant, or why there was none.
 
     Attributes:
-        variant: the variant.
-        seed: the seed.
         result: the figures; None if nothing was run.
         ill_formed: why the variant is refused; empty for a well-formed one.
         failure: why there is no result although it is not refused; empty if there is one.
@@ -106,11 +104,7 @@ class VariantRun:
 
 
 def variants(own: Iterable[str] = ()) -> list[Variant]:
-    """Return all variants; the first is the unchanged mission.
-
-    Args:
-        own: names of the mission's user-made modules.
-    """
+    """Return all variants, the unchanged mission first; `own` are the names of its user-made modules."""
     found = [
         Variant("mission", "as declared"),
         Variant("mission", "AC only (no RTA)", {"rta.enabled": False}, intact=False),

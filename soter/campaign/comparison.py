@@ -23,7 +23,6 @@ class PairedDifference:
     """The difference of a figure between two sides, paired by seed.
 
     Attributes:
-        figure: the figure's name.
         pairs: how many pairs have the figure.
         left: its mean on the left.
         right: its mean on the right.

@@ -110,7 +110,6 @@ class RateRule:
     """A stopping rule: "FIGURE < R per robot-hour at P %", or "FIGURE < R of runs at P %".
 
     Attributes:
-        text: the rule as it was written.
         figure: the figure that counts the rare events.
         bound: the bound to prove, for the rate of events or for the share of runs that have any.
         per_hour: whether the bound is a rate.

@@ -60,13 +60,11 @@ class Job:
     """One run.
 
     Attributes:
-        part: the part of the campaign.
         number: the run's place in that part, from 0.
         mission: the mission file; empty for a drawn configuration.
         settings: value by dotted key of the mission file, and `engine`; a drawn configuration is drawn from `seed` and
             `engine`.
         axes: value by axis, as texts, that tell the run from others of its part; without the seed.
-        accept_unproved: whether to run what cannot be proved.
         limit_s: host time that the run may take; None for any.
         judged: whether a second judge judges the run; drawn configurations always are.
         folder: working directory, so that paths and the user's classes are found; empty for the process's own.
@@ -159,10 +157,8 @@ class Done:
 def carry_out(job: Job, stop: Callable[[], bool], record: Path | None = None) -> Done:
     """Run a job in this process's main thread; errors become part of the outcome.
 
-    Args:
-        job: the job.
-        stop: called at every tick; returns whether to end early.
-        record: the file to record the run in, or None.
+    `stop` is called at every tick, and returns whether to end early; `record` is the file to record the run in, or
+    None.
     """
     ends_s = time.monotonic() + (job.limit_s or float("inf"))
     late = f"no end after {job.limit_s or 0.0:g} s of the host's time"

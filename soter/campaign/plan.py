@@ -28,9 +28,7 @@ class Campaign:
     """A campaign file that was read.
 
     Attributes:
-        path: the file's path.
         title: title of its pages.
-        parts: the parts, by name.
         sources: a hash over all that its runs may depend on.
         text: the file's text.
         overrides: settings of all runs, which override all others.

@@ -31,7 +31,6 @@ class Totals:
     Attributes:
         runs: number of finished runs that count.
         planned: largest number of runs.
-        robot_hours: simulated robot-hours.
         violations: number by rule, by ground truth.
         status: number of runs that are done, refused, failed.
         left_s: estimate of the remaining host time; None while it is unknown.

@@ -26,12 +26,7 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class SeedsTable(Table):
-    """Consecutive seeds.
-
-    Attributes:
-        first: the first of them.
-        count: how many.
-    """
+    """Consecutive seeds, `count` of them."""
 
     first: Seed = 1
     count: Count
@@ -41,8 +36,6 @@ class RangeTable(Table):
     """A range from which a number is drawn, or that is searched.
 
     Attributes:
-        low: the least value.
-        high: the greatest value.
         log: whether to draw evenly over the logarithm.
         whole: whether to draw whole numbers only.
     """
@@ -151,7 +144,6 @@ class PartTable(Table):
     """Runs that belong together.
 
     Attributes:
-        name: name of the part.
         mission: the mission file, relative to the campaign's; or "random", which draws configurations from the seeds.
         set: values by key for all its runs; nested tables are read as dotted keys.
         grid: axes, of which every combination is run.

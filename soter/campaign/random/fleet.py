@@ -74,10 +74,7 @@ class DrawnFleet:
 def draw_fleet(rng: Random, nasty: bool, engine: str) -> DrawnFleet:
     """Return robots' promises: for a third the backend's defaults, for others common or single ones, or both.
 
-    Args:
-        rng: the random numbers.
-        nasty: whether to draw at the edges of what is valid.
-        engine: see `soter.campaign.random.drawing.draw`.
+    `nasty` draws at the edges of what is valid; for `engine`, see `soter.campaign.random.drawing.draw`.
     """
     chance = rng.random()
     if engine != "kinematic" or chance >= 0.7:

@@ -27,8 +27,6 @@ class Floor:
         style: the style that it was drawn in.
         width: its length along x before it is turned, in metres.
         depth: its length along y before it is turned, in metres.
-        fence: the fence around it.
-        boxes: the boxes in it.
     """
 
     style: str

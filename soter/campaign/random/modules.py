@@ -23,7 +23,6 @@ class Rta:
     """The table `[rta]`, and its figures that places and batteries depend on.
 
     Attributes:
-        table: `[rta]`.
         battery: `[rta.battery]`, which is completed when the batteries are drawn.
     """
 

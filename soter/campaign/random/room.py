@@ -19,14 +19,7 @@ Ring = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Patch:
-    """An axis-aligned rectangle, seen from above: a box, or a charging station.
-
-    Attributes:
-        low_x: west edge, metres.
-        low_y: south edge.
-        high_x: east edge.
-        high_y: north edge.
-    """
+    """An axis-aligned rectangle, seen from above: a box, or a charging station. In metres east (x) and north (y)."""
 
     low_x: float
     low_y: float

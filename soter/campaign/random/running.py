@@ -61,13 +61,7 @@ class Judgement:
 def run_drawn(
     settings: Mapping[str, Any], stop: Callable[[], bool], record: Path | None = None
 ) -> tuple[Run, Judgement]:
-    """Run the configuration of a seed; see `run_judged`.
-
-    Args:
-        settings: `seed`, and optionally `engine` and `duration_s`.
-        stop: called at every tick; returns whether to end early.
-        record: the file to record the run in, or None.
-    """
+    """Run the configuration of a seed: `settings` are `seed`, and maybe `engine` and `duration_s`; see `run_judged`."""
     with closing(Scratch("drawn")) as scratch:
         mission = draw(settings["seed"], settings.get("engine", "kinematic")).write(scratch.path)
         return run_judged(mission, settings.get("duration_s"), stop, record)

@@ -86,11 +86,8 @@ def _without_robot(config: Configuration, index: int) -> Configuration:
 def shrunk(config: Configuration, run: Run, failure: str, said: Callable[[str], None]) -> tuple[Configuration, Done]:
     """Return the smallest configuration that was found to fail in the same way, and its outcome.
 
-    Args:
-        config: a configuration that fails.
-        run: runs a configuration.
-        failure: the failure to keep; see `failures`.
-        said: called with a line about each step.
+    `run` runs a configuration, `failure` is the one to keep (see `failures`), and `said` is called with a line about
+    each step.
     """
     done = run(config)
     if failure not in failures(done):
@@ -139,12 +136,8 @@ def _shorter(config: Configuration, done: Done, run: Run, failure: str) -> tuple
 def shrink(seed: int, engine: str, folder: Path, duration_s: float | None, said: Callable[[str], None]) -> Path | None:
     """Shrink the configuration of a seed and write it into a folder.
 
-    Args:
-        seed: the configuration's seed.
-        engine: see `draw`.
-        folder: the folder to write to.
-        duration_s: a duration in place of the drawn one.
-        said: called with a line about each step.
+    For `engine`, see `draw`. `duration_s` takes the place of the drawn duration, and `said` is called with a line about
+    each step.
 
     Returns:
         The mission file; None if the seed does not fail.

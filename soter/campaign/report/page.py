@@ -30,10 +30,7 @@ _MOST_DOTS: Final = 2000
 def make_page(store: Store, judged: Mapping[str, Sequence[Judged]], recordings: Path) -> str:
     """Return the page of a campaign.
 
-    Args:
-        store: the campaign's runs.
-        judged: the judged requirements, by part.
-        recordings: the folder of pages of single runs, `ID.html`; existing ones are linked.
+    `recordings` is the folder of pages of single runs, `ID.html`; existing ones are linked.
     """
     rows = [*store.rows()]
     found = groups(rows)
@@ -112,10 +109,7 @@ def card(heading: str, inner: str) -> str:
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], links: Sequence[str] = ()) -> str:
     """Return a table that sorts by a clicked column.
 
-    Args:
-        head: the names of its columns.
-        rows: its lines, as texts.
-        links: the link of the first cell of each line, empty for none.
+    `links` are the links of the first cells, empty for none.
     """
     heads = "".join(f'<th scope="col"><button type="button">{escape(each)}</button></th>' for each in head)
     lines = []
