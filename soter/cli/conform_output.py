@@ -135,11 +135,7 @@ def print_list(console: Console, clauses: list[Clause]) -> None:
 def print_summary(console: Console, record: Record, host_s: float, load: float = 0.0) -> None:
     """Print the promises with their measured values, the clauses that were not tested, and the verdict.
 
-    Args:
-        console: the console to print on.
-        record: the record of the clauses.
-        host_s: host time of the whole run.
-        load: see `Outcomes`.
+    `load` is that of `Outcomes`.
     """
     _print_promises(console, record)
     counts = ", ".join(f"{record.count(each)} {each.value}" for each in Verdict)

@@ -28,15 +28,10 @@ _SLICE_S: Final = 0.05
 
 
 class Views:
-    """The requested views of a run.
+    """The requested views of a run: the live page, and the server for the Foxglove app.
 
-    Args:
-        live: whether to show the live page.
-        live_port: the page's port; None for a free one.
-        foxglove: whether to start the server for the Foxglove app.
-        foxglove_port: the server's port; None for `APP_PORT`.
-        opened: whether to open a browser.
-        leave: whether to close the page when the run has ended.
+    Without a port, the page takes a free one, and the server `APP_PORT`. `opened` opens the page in a browser, and
+    `leave` closes it when the run has ended.
 
     Raises:
         ConfigError: an option belongs to a view that was not requested, or a library is missing.

@@ -15,11 +15,7 @@ from soter.loading import file_of
 def mission_text(mission: MissionFile, changes: Mapping[str, Any], target: Path, head: str) -> str:
     """Return a mission as the text of another file, with all paths relative to that file.
 
-    Args:
-        mission: the mission.
-        changes: tables that replace the mission's own.
-        target: the other file.
-        head: a first line with the text's origin.
+    `changes` are tables that replace the mission's own, and `head` is a first line with the text's origin.
     """
 
     def seen(path: Path) -> str:

@@ -8,14 +8,7 @@ import typer
 
 
 def option(metavar: str, text: str, *names: str, **more: Any) -> Any:
-    """Return an option that takes a value; without names, it is named after its parameter.
-
-    Args:
-        metavar: the placeholder of the value.
-        text: the help text.
-        names: names such as "--output" and "-o".
-        more: further arguments of `typer.Option`.
-    """
+    """Return an option that takes a value, shown as `metavar`; without names, it is named after its parameter."""
     return typer.Option(*names, metavar=metavar, help=text, **more)
 
 

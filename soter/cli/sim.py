@@ -43,12 +43,7 @@ sim = typer.Typer(
 
 
 def room_and_robots(path: Path, robots: int | None, seed: int | None) -> tuple[Workspace, list[RobotSpec]]:
-    """Read a workspace, and return it with its robots.
-
-    Args:
-        path: the workspace file.
-        robots: how many of the first robots; None for all.
-        seed: the seed of the charges; None for full batteries.
+    """Return a workspace with its first robots, or all; their charges are drawn from a seed, or full without one.
 
     Raises:
         ConfigError: the file is no workspace, or has fewer robots.

@@ -35,9 +35,7 @@ class Row(NamedTuple):
 
     Attributes:
         name: name of the figure; indented if it is part of the one above.
-        value: its value in this run.
         thesis: its value in the thesis; empty if there is none that can be compared.
-        style: the value's style.
     """
 
     name: str

@@ -32,7 +32,6 @@ class Setup:
 
     Attributes:
         mission: the effective mission.
-        workspace: its workspace.
         robots: the robots' supervisors, each with its tap.
         modules: the declared modules, by robot id.
         capabilities: what the robots promise, by id.

@@ -37,8 +37,6 @@ class ModuleAbout(Message):
     """One module of one robot, as declared.
 
     Attributes:
-        name: its name.
-        delta_s: its Delta.
         dwell_s: how long phi_safer must hold before control goes back.
         unit: the unit of its margin; empty if the rule is given by predicates.
         edge_margin: the margin at the edge of phi_safer; None without one.
@@ -60,8 +58,6 @@ class About(Message):
         version: the version of the messages.
         mission: the effective mission, with the command line's changes, as TOML tables.
         source: the mission file; empty if the mission was made in code.
-        backend: name of the backend.
-        seed: the mission's seed.
         base_tick_s: period of the tick.
         virtual_time: whether time stood still while nobody slept.
         started_utc: when the run started, in ISO 8601.
@@ -101,8 +97,6 @@ class Result(Message):
     Attributes:
         status: how the run ended.
         duration_s: how long the run lasted, in fleet time.
-        failure: why the run failed.
-        engine: the backend's engine.
         violations: number by rule; None without ground truth.
         min_margin: least margin by rule; None without ground truth.
         truth_ended_s: fleet time at which ground truth fell silent.

@@ -21,7 +21,6 @@ class Stall:
     """A long time in which a robot was without its AC, and not charging.
 
     Attributes:
-        robot_id: which robot.
         start_s: fleet time at which it began.
         end_s: fleet time at which it ended; None while it goes on.
         module: the module whose safe controller drove the robot at the latest look.

@@ -60,7 +60,6 @@ class RecordingReport(NamedTuple):
     """The result of recording a run.
 
     Attributes:
-        path: the file.
         failure: why the recording is not complete; empty if it is.
         dropped_ticks: how many ticks are missing in it.
         size_bytes: the file's size.

@@ -22,7 +22,6 @@ class AssumptionFailure:
     """An assumption of the safety argument that failed for one robot.
 
     Attributes:
-        robot_id: the robot.
         assumption: its number.
         times: number of looks at which it failed.
         first_s: fleet time of the first.
@@ -45,29 +44,19 @@ class Summary:
     """A recording in figures.
 
     Attributes:
-        file: the file's path.
-        size_bytes: the file's size.
         truncated: whether it was not closed; everything up to its last whole chunk is there.
-        mission: the mission file.
-        backend: name of the backend.
-        seed: the mission's seed.
         started_utc: when the run started, in ISO 8601.
         virtual_time: whether time stood still while nobody slept.
         duration_s: fleet time from the first recorded tick to the end of the last one.
-        ticks: number of recorded ticks.
         dropped_ticks: number of missing ticks, because the writer did not keep up.
-        robots: ids of the robots.
-        modules: names of the modules.
         ac_share: part of the robots' time in which their AC was active.
         disengagements: number by the module that fired first.
         switches: number of switches of any kind.
         goals: number of goals sent, by controller.
         targets: number of ended targets, by outcome.
-        transitions: number of transitions of the mission's machines.
         faults: number of commands and samples spoilt by injected faults, by kind.
         violations: number by rule, by ground truth.
         unknown: why the violations are not fully known; empty if ground truth judged the run to its end.
-        assumptions: the assumptions that failed.
         stalls: robots that were without their AC for long, and not charging.
         never_moved: robots that never moved, by the result.
         accepted_unproved: what the user accepted without proof.

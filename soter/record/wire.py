@@ -76,7 +76,6 @@ class TickFrame(Struct, array_like=True, gc=False):
     """One tick.
 
     Attributes:
-        tick: number of the tick.
         time_s: fleet time.
         host_ns: the host's time of day.
         rows: the robots, in their order.

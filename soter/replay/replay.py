@@ -53,7 +53,6 @@ class Spell(NamedTuple):
     """A time in which a robot's driver differs from the recorded one.
 
     Attributes:
-        robot_id: the robot.
         start_s: fleet time of the first such tick.
         end_s: fleet time of the first tick after it, or of the last recorded one.
         recorded: the recorded driver.
@@ -108,9 +107,7 @@ class Replay:
 def replay(recording: Recording, settings: Mapping[str, object] | None = None) -> Replay:
     """Replay a recording.
 
-    Args:
-        recording: a recording with any backend.
-        settings: values that replace the recorded mission's, by dotted key in `CHANGEABLE`.
+    `settings` are values that replace the recorded mission's, by dotted key in `CHANGEABLE`.
 
     Raises:
         ConfigError: a setting is not allowed.

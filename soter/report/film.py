@@ -60,15 +60,9 @@ def draw_gif(tracks: RunTracks, caption: Caption | None = None, most_s: float = 
 
 
 def frames_of(run: RunTracks, caption: Caption, per_s: int, most_s: float) -> Iterator[Image.Image]:
-    """Yield the picture of the whole run, then moments of it at equal intervals.
+    """Yield the picture of the whole run, then `per_s` moments of it for each second of a film of at most `most_s`.
 
     All that does not move is drawn once. The time lines are those of the whole run, veiled after the moment.
-
-    Args:
-        run: the run.
-        caption: the words above and beside it.
-        per_s: frames per second of the film.
-        most_s: longest film.
     """
     end = end_s(run)
     film_s = length_s(end, most_s)

@@ -53,12 +53,7 @@ class GrowingPage:
         return extract.Document(self._story, self._recording, self._content, news=True, goes_on=goes_on).packed()
 
     def whole(self, stream: str, *, goes_on: bool) -> str:
-        """Return the page of all ticks added up to now.
-
-        Args:
-            stream: the address of the page's news on the same server.
-            goes_on: whether the run goes on.
-        """
+        """Return the page of all ticks added up to now; `stream` is the address of its news on the same server."""
         document = extract.Document(self._story, self._recording, self._content, goes_on=goes_on)
         return page_of(document.title, document.packed(), stream)
 
@@ -66,11 +61,8 @@ class GrowingPage:
 def page_of(title: str, data: str, stream: str = "") -> str:
     """Return a page.
 
-    Args:
-        title: the page's title.
-        data: the run's data.
-        stream: for a run that goes on, the address of its news on the page's own server. Only with one may a page
-            make requests.
+    `stream` is, for a run that goes on, the address of its news on the page's own server. Only with one may a page
+    make requests.
     """
     body = Template(_asset("run.html")).substitute(
         data=data, stream=f' data-stream="{escape(stream)}"' if stream else ""
