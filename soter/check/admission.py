@@ -55,16 +55,9 @@ def declare_all(
 def highest_speedup(
     mission: MissionFile, workspace: Workspace, backend: type[Backend], config: BackendConfig, most: float
 ) -> float | None:
-    """Return the highest speed-up up to `most` at which all modules are well-formed, or None if there is none.
+    """Return the highest speed-up at which all modules are well-formed, None without one; at `most` some are not.
 
     Latency, age and jitter are the host's: in the time of a world that runs N times as fast, they are N times as long.
-
-    Args:
-        mission: the mission.
-        workspace: fence, boxes, chargers.
-        backend: its backend; has the robots' promises at a speed-up.
-        config: the backend's options.
-        most: a speed-up at which a module is ill-formed.
     """
 
     def well_formed(speedup: float) -> bool:
@@ -165,13 +158,8 @@ def admitted(
 ) -> tuple[str, ...]:
     """Refuse a mission that may not be run; return the conditions that are not proved if it may.
 
-    Args:
-        mission: the mission.
-        workspace: fence, boxes, chargers.
-        backend: its backend, which is not opened.
-        config: the options of the backend.
-        ill_formed: whether to admit ill-formed modules, for studies.
-        unproved: whether to admit conditions that are not proved.
+    The backend is not opened. `ill_formed` admits modules that are not well-formed, for studies, and `unproved` those
+    with conditions that are not proved.
 
     Raises:
         IllFormedModule: a module is not well-formed on robots with these promises.

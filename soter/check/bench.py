@@ -94,13 +94,7 @@ def floor_bench(
 
 
 def mission_bench(path: Path | str, name: str, robots: int = 1, patience_s: float = 60.0) -> ModuleBench:
-    """Return a bench with the modules, the workspace and the options of a mission file.
-
-    Args:
-        path: the mission file.
-        name: name of the module under test.
-        robots: number of robots.
-        patience_s: how long its safe controller may take to get back to phi_safer.
+    """Return a bench with the modules, the workspace and the options of a mission file; see `ModuleBench`.
 
     Raises:
         ConfigError: something in the file is not allowed, or the mission has no such module.

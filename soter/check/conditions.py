@@ -30,7 +30,6 @@ class Finding:
     """One line of a report.
 
     Attributes:
-        module: the module's name.
         condition: P1a, P1b, P2a, P2b or P3; or model, for R(T) itself.
         verdict: how well it is known to hold.
         text: why, with the numbers.

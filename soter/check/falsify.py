@@ -107,11 +107,7 @@ def falsify(
     Half of the budget searches for the least margin, half for the longest time to come back; every trial counts for
     all obligations.
 
-    Args:
-        subject: the module to break.
-        budget: largest number of trials.
-        seed: seed of all random numbers.
-        on_trial: called with the number of trials done.
+    `budget` is the largest number of trials, and `on_trial` is called with the number of trials done.
 
     Returns:
         A finding for P2a and P2b, and for P3 and the model if they were broken; and the counterexamples.

@@ -28,7 +28,6 @@ class MissionReport:
     """What is known about the modules of a mission.
 
     Attributes:
-        workspace: fence, boxes, chargers.
         findings: one for each module and condition, in order of the modules' priority.
         counterexamples: by module, what was found.
         benches: by module, the bench that its counterexamples were found on.

@@ -35,13 +35,7 @@ _ORDER: Final = (Certainty.PROVED, Certainty.TESTED, Certainty.ASSUMED, Certaint
 def prove(
     mission: MissionFile, declared: Mapping[int, Declared], capabilities: Mapping[int, Capabilities]
 ) -> list[Finding]:
-    """Return the findings about P2a and P2b of the static modules and the battery's, each for the worst robot.
-
-    Args:
-        mission: its `rta` and `battery` tables.
-        declared: the modules, well-formed, by robot id.
-        capabilities: what the robots promise, by id.
-    """
+    """Return findings about P2a and P2b of well-formed static modules and the battery's, each for the worst robot."""
     provers = {OBSTACLE: _retreat, GEOFENCE: _retreat, BATTERY: _way_home}
     findings: list[Finding] = []
     for name in mission.rta.order:

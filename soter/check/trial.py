@@ -65,7 +65,6 @@ class BrokenObligation(NamedTuple):
     """An obligation that a trial broke, and where.
 
     Attributes:
-        obligation: the obligation.
         time_s: when it was broken; for P2b when patience ran out.
         robot_id: the module's robot.
         x_m: where the robot was then, east.

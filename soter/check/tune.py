@@ -40,8 +40,6 @@ class Choice:
     """Numbers of one module, and their cost on the robot with the highest.
 
     Attributes:
-        module: the module's name.
-        delta_s: its Delta.
         model: its reach model; empty for the battery.
         phi_safer: the value in the mission file: metres, or a charge from 0 to 1.
         reach: R(H), the most that the margin can fall, in the margin's unit.

@@ -58,11 +58,7 @@ BUILT_IN: Final[Mapping[str, str]] = {"zenoh": "soter.adapters.zenoh.bus:ZenohBu
 
 
 def bus_class(name: str, source: str | None = None) -> type[Bus]:
-    """Import and return the class of a bus.
-
-    Args:
-        name: a built-in name, or `module:Class`.
-        source: the mission file, for error messages.
+    """Import and return the class of a bus, given by a built-in name or as `module:Class`.
 
     Raises:
         ConfigError: there is no bus of that name.

@@ -168,10 +168,7 @@ class Runtime:
         return self._core.call_at(time_s, to, event)
 
     def run(self, max_steps: int | None = None) -> int:
-        """Do steps until nothing can be done at the current time; return how many were done.
-
-        Args:
-            max_steps: Stop after that many.
+        """Do steps, at most `max_steps`, until nothing can be done at the current time; return how many were done.
 
         Raises:
             MachineError: A machine or spec failed and `on_failure` did not take it. `run` can be called

@@ -76,12 +76,7 @@ class Watcher:
         )
 
     def run(self, stop: Callable[[], bool], duration_s: float | None = None) -> None:
-        """Judge at every tick until told to stop, or until the time is up.
-
-        Args:
-            stop: called at every tick; returns whether to stop.
-            duration_s: duration in fleet time; None for no limit.
-        """
+        """Judge at every tick until `stop` returns True, or for `duration_s` of fleet time, if given."""
         clock, supervisor, ports = self._fleet.clock, self._safety.supervisor, self._safety.ports.values()
         began_s, tick = clock.now(), 0
         while not stop() and (duration_s is None or tick * self._tick_s < duration_s):

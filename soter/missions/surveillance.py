@@ -91,13 +91,10 @@ class Targets:
 
 @dataclass(frozen=True)
 class Tasks:
-    """The payload of the task planner.
+    """The payload of the task planner; see also `Stage`.
 
     Attributes:
-        kits: the kit of every robot; for robots of other processes, that of its proxy.
         next_target: called with a robot's id; returns its next target.
-        on_target: called with every target given: robot, target id, place.
-        on_ended: called with every target that ended: robot, target id, outcome.
     """
 
     kits: Mapping[int, RobotKit | RemoteKit]

@@ -62,10 +62,6 @@ class DriveLimits:
     """A vehicle's limits, and the noise of its state; the defaults are a TurtleBot3 Burger's, without noise.
 
     Attributes:
-        v_max_m_s: top speed.
-        yaw_rate_max_rad_s: top turn rate.
-        accel_m_s2: acceleration.
-        brake_m_s2: deceleration.
         yaw_accel_rad_s2: change of the turn rate per second.
         speed_noise_m_s: largest error of the speed given to the drive.
         position_noise_m: largest error of the position given to the drive.

@@ -19,9 +19,6 @@ class GoalGate(Gate[GoalMessage]):
 
     A lease lives by steady time, and counts from its renewal, by the robot's own clock. That clock has a name: commands
     with another name, from before the robot was switched on or before its clock was set back, renew nothing.
-
-    Args:
-        lease_s: a lease lives this long after its renewal.
     """
 
     def __init__(self, lease_s: float) -> None:

@@ -22,8 +22,6 @@ class VelocityGate(Gate[Velocity]):
     """Passes the velocity of the active controller, within the limits, while its lease lives.
 
     Args:
-        lease_s: a lease lives this long after its renewal.
-        command_s: a velocity counts this long after its arrival.
         v_max_m_s: limit of the speed that passes.
         yaw_rate_max_rad_s: limit of the turn rate that passes.
     """
