@@ -6,6 +6,7 @@ import copy
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -98,7 +99,7 @@ def shrunk(config: Configuration, run: Run, failure: str, said: Callable[[str], 
         again = False
         tried = 0
         # After a part was taken away, the next one to try has the same index.
-        while (found := next(_after(smaller(config), tried), None)) is not None:
+        while (found := next(islice(smaller(config), tried, None), None)) is not None:
             after = run(found)
             if failure in failures(after):
                 config, done, again = found, after, True
@@ -107,12 +108,6 @@ def shrunk(config: Configuration, run: Run, failure: str, said: Callable[[str], 
                 tried += 1
         config, done = _shorter(config, done, run, failure)
     return config, done
-
-
-def _after(found: Iterator[Configuration], tried: int) -> Iterator[Configuration]:
-    for _ in range(tried):
-        next(found, None)
-    return found
 
 
 def _shorter(config: Configuration, done: Done, run: Run, failure: str) -> tuple[Configuration, Done]:
