@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from random import Random
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from shapely import LineString, Point  # type: ignore[import-untyped]
 
@@ -13,10 +13,10 @@ from soter.campaign.random.configuration import Tables
 from soter.campaign.random.figures import Figures
 from soter.campaign.random.modules import Rta
 from soter.campaign.random.room import DrawnRoom
+from soter.config.tables import Targets
 from soter.controllers import ADVERSARIES
 
 VISIT: Final = "soter.campaign.random.attackers:Visit"
-TARGETS: Final = ("grid", "uniform", "hostile")
 _PLACES: Final = 10
 
 
@@ -50,7 +50,7 @@ def draw_ac(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta, nasty: boo
 
 
 def _mission(rng: Random) -> Tables:
-    tables: Tables = {"targets": rng.choice(TARGETS)}
+    tables: Tables = {"targets": rng.choice(get_args(Targets))}
     if rng.random() < 0.2:
         tables["mission"] = {"use": "surveillance"}
     if rng.random() < 0.1:

@@ -11,8 +11,8 @@ from soter.campaign.random.configuration import Tables
 from soter.campaign.random.figures import Figures
 from soter.campaign.random.floor import Floor
 from soter.campaign.random.room import DrawnRoom
+from soter.config.tables import MODULES
 
-MODULES: Final = ("collision", "obstacle", "geofence", "battery")
 MODELS: Final = ("speed-acceleration", "unicycle")
 FAR: Final = "soter.campaign.random.attackers:declare_far"
 KEEP_OUT: Final = "soter.campaign.random.attackers:declare_keep_out"
