@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from random import Random
 from typing import Annotated, Any, Final, Literal, Self
@@ -14,6 +13,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from soter.campaign.conditions import Requirement, StoppingRule
 from soter.config.table import Name, Table, wrong
+from soter.config.toml_text import toml_key
 
 SEED: Final = "seed"
 DRAWN: Final = "random"
@@ -211,14 +211,10 @@ def flat(tables: Mapping[str, Any], above: str = "", ends: Collection[str] = ())
     found: Settings = {}
     for key, value in tables.items():
         # Keys of the outermost table may already be dotted.
-        name = f"{above}.{_quoted(key)}" if above else key
+        name = f"{above}.{toml_key(key)}" if above else key
         is_table = isinstance(value, dict) and value and not value.keys() & ends
         found |= flat(value, name, ends) if is_table else {name: value}
     return found
-
-
-def _quoted(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else f'"{key}"'
 
 
 def _axis(key: str, values: Axis) -> Iterator[tuple[str, Settings]]:

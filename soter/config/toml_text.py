@@ -22,10 +22,10 @@ def _lines(tables: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
     inner = {key: value for key, value in tables.items() if isinstance(value, Mapping) or _is_tables(value)}
     for key, value in tables.items():
         if key not in inner:
-            yield f"{_key(key)} = {inline(value)}"
+            yield f"{toml_key(key)} = {inline(value)}"
     for key, value in inner.items():
         here = (*path, key)
-        name = ".".join(map(_key, here))
+        name = ".".join(map(toml_key, here))
         if isinstance(value, Mapping):
             if not value or any(not isinstance(each, Mapping) for each in value.values()):
                 yield f"\n[{name}]"
@@ -40,14 +40,15 @@ def _is_tables(value: object) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(each, Mapping) for each in value)
 
 
-def _key(key: str) -> str:
+def toml_key(key: str) -> str:
+    """Return a key as TOML has it: in quotes unless it is made of letters, digits, - and _."""
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _text(key)
 
 
 def inline(value: object) -> str:
     """Return a value as TOML, as after an equals sign; it raises what `toml` raises."""
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{_key(key)} = {inline(inner)}' for key, inner in value.items())} }}"
+        return f"{{ {', '.join(f'{toml_key(key)} = {inline(inner)}' for key, inner in value.items())} }}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(inline, value))}]"
     # JSON's bools and finite numbers are valid TOML.
