@@ -8,9 +8,7 @@ import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Final, get_args
-
-ENGINES: Final = ("pybullet", "kinematic")
+from typing import get_args
 
 
 def backends() -> list[str]:
@@ -22,7 +20,7 @@ def backends() -> list[str]:
 
 def engines() -> list[str]:
     """Return the engines of simulated robots."""
-    return [*ENGINES]
+    return ["pybullet", "kinematic"]
 
 
 def targets() -> list[str]:

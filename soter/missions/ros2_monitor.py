@@ -11,7 +11,7 @@ from typing import Final, Protocol
 
 from soter.config import MissionFile
 from soter.geometry.workspace import Workspace
-from soter.rta import Report, Request, RobotSupervisor, SwitchRecord
+from soter.rta import Request, RobotSupervisor, SwitchRecord
 from soter.sdk import Controller, Fleet, Waypoint
 from soter.stack.actuator import RobotActuator
 from soter.stack.assembly import SafetySide, assemble
@@ -70,7 +70,7 @@ class Watcher:
             mission,
             workspace,
             fleet.robots,
-            _ignore,
+            lambda _: None,  # nothing is requested through the ports, so that there is nothing to report
             [self],
             tap=lambda _id, actuator: _Elsewhere(actuator.robot, actuator.port),
         )
@@ -109,7 +109,3 @@ class _Elsewhere(RobotActuator):
     def drive(self, command: Waypoint | Request[Waypoint] | None, mode: Controller) -> None:
         if not isinstance(command, Request):
             super().drive(command, mode)
-
-
-def _ignore(_report: Report) -> None:
-    """Ignore a report: nothing is requested through the ports."""
