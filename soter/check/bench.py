@@ -1,4 +1,4 @@
-"""Tries a safety module of a mission in a simulated world (`soter.check.trial.TriedModule`): one point, one trial.
+"""Tries a safety module of a mission in a simulated world: every point of a unit cube is one trial.
 
 A trial puts robots somewhere, lets an adversarial AC drive as long as the module under test allows, and from the first
 switch on leaves the robot to the safe controllers, until the module gives it back or patience runs out. It is judged by
@@ -104,7 +104,7 @@ def mission_bench(path: Path | str, name: str, robots: int = 1, patience_s: floa
 
 
 class ModuleBench:
-    """A `soter.check.trial.TriedModule`: one module of a mission on simulated robots.
+    """One module of a mission on simulated robots, for trials.
 
     Args:
         mission: has the modules, and the options of the one under test.
@@ -112,6 +112,12 @@ class ModuleBench:
         name: name of the module under test.
         robots: how many robots take part; all of them have the mission's modules and an adversarial AC.
         patience_s: how long the safe controller may take to get back to phi_safer.
+
+    Attributes:
+        module: the declaration under test.
+        timing: what the robot adds to every horizon.
+        base_tick_s: period of the supervisor.
+        dimensions: number of coordinates of a point.
 
     Raises:
         ConfigError: the mission has no such module, or the workspace too few robots.
@@ -145,7 +151,7 @@ class ModuleBench:
             self.timing: Final[Timing] = timing_of(fleet.robots[0].capabilities, mission.base_tick_s)
 
     def run(self, vector: Sequence[float]) -> Attempt:
-        """Try one point; see `soter.check.trial.TriedModule`."""
+        """Try one point, which decides initial states and the AC's commands. Equal points give equal trials."""
         specs = self._specs(vector)
         if any(self._terrains[spec.id].clearance_m(spec.x_m, spec.y_m) < 0.0 for spec in specs):
             return Attempt(valid=False)

@@ -15,8 +15,9 @@ from typing import Final
 
 import numpy as np
 
+from soter.check.bench import ModuleBench
 from soter.check.conditions import Certainty, Finding
-from soter.check.trial import Attempt, BrokenObligation, Obligation, TriedModule
+from soter.check.trial import Attempt, BrokenObligation, Obligation
 
 Vector = tuple[float, ...]
 
@@ -97,7 +98,7 @@ class Falsified:
 
 
 def falsify(
-    subject: TriedModule,
+    subject: ModuleBench,
     budget: int = 200,
     seed: int = 0,
     on_trial: Callable[[int], None] | None = None,
@@ -144,7 +145,7 @@ def _broken(trials: Sequence[tuple[Vector, Attempt]]) -> list[Falsified]:
     return list(found.values())
 
 
-def _findings(subject: TriedModule, trials: Sequence[tuple[Vector, Attempt]]) -> list[Finding]:
+def _findings(subject: ModuleBench, trials: Sequence[tuple[Vector, Attempt]]) -> list[Finding]:
     name = subject.module.name
     valid = [trial for _, trial in trials if trial.valid]
     figures: dict[str, float | int | str | None] = {"trials": len(trials), "valid": len(valid)}
@@ -168,7 +169,7 @@ def _findings(subject: TriedModule, trials: Sequence[tuple[Vector, Attempt]]) ->
     return sorted(findings, key=lambda each: each.condition)
 
 
-def _p2a(subject: TriedModule, valid: Sequence[Attempt], figures: dict[str, float | int | str | None]) -> Finding:
+def _p2a(subject: ModuleBench, valid: Sequence[Attempt], figures: dict[str, float | int | str | None]) -> Finding:
     name, phi_safe = subject.module.name, subject.module.phi_safe
     if phi_safe is None:
         text = "the rule is given by predicates only: there is no region that could be left"
@@ -185,7 +186,7 @@ def _p2a(subject: TriedModule, valid: Sequence[Attempt], figures: dict[str, floa
     return Finding(name, "P2a", Certainty.TESTED, text, {**figures, "least_margin": least})
 
 
-def _p2b(subject: TriedModule, valid: Sequence[Attempt], figures: dict[str, float | int | str | None]) -> Finding:
+def _p2b(subject: ModuleBench, valid: Sequence[Attempt], figures: dict[str, float | int | str | None]) -> Finding:
     name = subject.module.name
     returns = [trial.return_s for trial in valid if not math.isnan(trial.return_s)]
     if not returns:

@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
+from soter.check.bench import ModuleBench
 from soter.check.conditions import Certainty, Finding, conditions
 from soter.check.falsify import falsify
-from soter.check.trial import TriedModule
 
 OBLIGATIONS: Final = ("P1a", "P1b", "P2a", "P2b", "P3", "model")
 """`model`: in no trial did the margin fall by more than the module's model allows."""
@@ -34,7 +34,7 @@ class ModuleSuite:
         assumed: obligations that may rest on the author's word.
     """
 
-    subject: ClassVar[Callable[[], TriedModule]]
+    subject: ClassVar[Callable[[], ModuleBench]]
     budget: ClassVar[int] = 100
     seed: ClassVar[int] = 0
     assumed: ClassVar[frozenset[str]] = frozenset()

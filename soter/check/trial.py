@@ -1,4 +1,4 @@
-"""Trials that try to break a module: their results, and the interface of modules that can be tried.
+"""The results of trials that try to break a module.
 
 A counterexample is kept as a file: the point that was tried, where the module broke, and what happened at every tick.
 """
@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import msgspec
 
 from soter.errors import ConfigError
 from soter.problems import read_limited
-from soter.rta import RTAModule, Timing
 
 
 class Obligation(Enum):
@@ -114,33 +113,6 @@ class Attempt:
         if obligation is Obligation.P2B:
             return min(self.spare, -1e-9) if broken else max(self.spare, 0.0)
         return min(self.least_margin, -1e-9) if broken else max(self.least_margin, 0.0)
-
-
-class TriedModule(Protocol):
-    """A module bound to robots, a world and an adversarial AC; every point of a unit cube is one trial."""
-
-    @property
-    def module(self) -> RTAModule:
-        """The declaration under test."""
-
-    @property
-    def timing(self) -> Timing:
-        """What the robot adds to every horizon."""
-
-    @property
-    def base_tick_s(self) -> float:
-        """Period of the supervisor."""
-
-    @property
-    def dimensions(self) -> int:
-        """Number of coordinates of a point."""
-
-    @property
-    def patience_s(self) -> float:
-        """How long the safe controller may take to get back to phi_safer."""
-
-    def run(self, vector: Sequence[float]) -> Attempt:
-        """Try one point, which decides initial states and the AC's commands. Equal points give equal trials."""
 
 
 _TRACE_EVERY: Final = 5
