@@ -129,25 +129,20 @@ def pace_of(times: float | None, mission: MissionFile, stop: Callable[[], bool])
         raise option_error(
             "--pace", f"robots of '{mission.backend}' keep to the clock as they are; allowed with those in virtual time"
         )
-    return _Pace(times, stop)
+    zero_s: float | None = None
 
-
-class _Pace:
-    """Holds virtual time to the clock: no tick begins early. Delays of a slow host are not made up for."""
-
-    def __init__(self, times: float, stop: Callable[[], bool]) -> None:
-        self._times: Final = times
-        self._stop: Final = stop
-        self._zero_s: float | None = None
-
-    def __call__(self, time_s: float) -> None:
+    def hold(time_s: float) -> None:
+        """Let no tick begin early. Delays of a slow host are not made up for."""
+        nonlocal zero_s
         now_s = time.monotonic()
-        due_s = now_s if self._zero_s is None else self._zero_s + time_s / self._times
+        due_s = now_s if zero_s is None else zero_s + time_s / times
         if due_s <= now_s:
-            self._zero_s = now_s - time_s / self._times
+            zero_s = now_s - time_s / times
             return
-        while (left_s := due_s - time.monotonic()) > 0.0 and not self._stop():
+        while (left_s := due_s - time.monotonic()) > 0.0 and not stop():
             time.sleep(min(left_s, _SLICE_S))
+
+    return hold
 
 
 def _require_sdk() -> None:
