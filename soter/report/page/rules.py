@@ -20,33 +20,25 @@ from soter.record.content import Series
 RULES: Final = ("collision", "obstacle", "geofence")
 
 
-class RuleMargins:
-    """Adds the rules' margins to the series of a run without modules."""
-
-    def __init__(self, about: About, workspace: Workspace) -> None:
-        self._workspace: Final = workspace
-        self._separation_m: Final = _promised_m(about.mission, "collision")
-        self._clearance_m: Final = _promised_m(about.mission, "obstacle")
-        self._radius_m: Final = {each.robot_id: body_radius_m(each) for each in about.robots}
-
-    def add(self, series: Mapping[int, Series]) -> None:
-        """Add the margins of every sample to the series, by rule."""
-        places = {robot: (np.array(each.x_m), np.array(each.y_m)) for robot, each in series.items()}
-        apart = {robot: np.full(len(x), np.inf) for robot, (x, _) in places.items()}
-        for one, other in combinations(places, 2):
-            count = min(len(apart[one]), len(apart[other]))
-            (x, y), (other_x, other_y) = places[one], places[other]
-            away = np.hypot(x[:count] - other_x[:count], y[:count] - other_y[:count])
-            away -= max(self._separation_m, self._radius_m[one] + self._radius_m[other])
-            for robot in (one, other):
-                np.minimum(apart[robot][:count], away, out=apart[robot][:count])
-        for robot, (x, y) in places.items():
-            radius_m = self._radius_m[robot] + self._clearance_m
-            at, room = list(zip(x.tolist(), y.tolist(), strict=True)), self._workspace
-            nearest = [room.clearance_m(*place, radius_m) for place in at]
-            fence = [room.fence_m(*place) for place in at]
-            for rule, margins in zip(RULES, (apart[robot].tolist(), nearest, fence), strict=True):
-                series[robot].margins[rule] = array("d", margins)
+def add_margins(series: Mapping[int, Series], about: About, workspace: Workspace) -> None:
+    """Add the rules' margins, by rule, to every sample of a run without modules."""
+    separation_m, clearance_m = (_promised_m(about.mission, module) for module in ("collision", "obstacle"))
+    radius_m = {each.robot_id: body_radius_m(each) for each in about.robots}
+    places = {robot: (np.array(each.x_m), np.array(each.y_m)) for robot, each in series.items()}
+    apart = {robot: np.full(len(x), np.inf) for robot, (x, _) in places.items()}
+    for one, other in combinations(places, 2):
+        count = min(len(apart[one]), len(apart[other]))
+        (x, y), (other_x, other_y) = places[one], places[other]
+        away = np.hypot(x[:count] - other_x[:count], y[:count] - other_y[:count])
+        away -= max(separation_m, radius_m[one] + radius_m[other])
+        for robot in (one, other):
+            np.minimum(apart[robot][:count], away, out=apart[robot][:count])
+    for robot, (x, y) in places.items():
+        at = list(zip(x.tolist(), y.tolist(), strict=True))
+        nearest = [workspace.clearance_m(*place, radius_m[robot] + clearance_m) for place in at]
+        fence = [workspace.fence_m(*place) for place in at]
+        for rule, margins in zip(RULES, (apart[robot].tolist(), nearest, fence), strict=True):
+            series[robot].margins[rule] = array("d", margins)
 
 
 def modules_of(robot: RobotAbout) -> tuple[ModuleAbout, ...]:

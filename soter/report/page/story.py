@@ -19,7 +19,7 @@ from soter.record.attachments import About, RobotAbout
 from soter.record.content import Content, RecordedWay, Series
 from soter.record.messages import AC, BreachEvent, GoalEvent, StallEvent, SwitchEvent, TargetEvent
 from soter.report.page.pack import buckets, starts_of_runs
-from soter.report.page.rules import RuleMargins, modules_of
+from soter.report.page.rules import add_margins, modules_of
 
 S = TypeVar("S", bound=MutableSequence[Any])
 
@@ -243,7 +243,8 @@ class Story:
     """
 
     def __init__(self, about: About, workspace: Workspace, pose_ticks: int = 1, bucket_ticks: int = 1) -> None:
-        self._rules: Final = None if about.modules else RuleMargins(about, workspace)
+        self._about: Final = about
+        self._workspace: Final = workspace
         self.drivers: Final = (AC, *about.modules)
         self.robots: Final = [RobotStory(each) for each in about.robots]
         self.switches: Final = Rows()
@@ -259,8 +260,8 @@ class Story:
     def add(self, content: Content) -> None:
         """Add a content's series, and its events since the last call."""
         count = 0
-        if self._rules is not None:
-            self._rules.add(content.series)
+        if not self._about.modules:
+            add_margins(content.series, self._about, self._workspace)
         for robot in self.robots:
             series = content.series[robot.about.robot_id]
             robot.add(series, self._ticks, self.pose_ticks, self.bucket_ticks)
