@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self
 
 from soter.errors import SoterError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from soter.machine.events import Event
 
@@ -52,9 +53,12 @@ class MachineError(SoterError):
             place.append(f"event {text if len(text) <= _LONGEST_EVENT else text[:_LONGEST_EVENT] + '...'}")
         super().__init__(f"{reason} [{', '.join(place)}]")
 
-    def __reduce__(self) -> tuple[Callable[..., MachineError], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[partial[Self], tuple[()]]:
         """Pickle by the keyword arguments, so that a failure can be reported by another process."""
-        return _rebuild, (type(self), self.reason, self.machine, self.state, self.handler, self.event)
+        again = partial(
+            type(self), self.reason, machine=self.machine, state=self.state, handler=self.handler, event=self.event
+        )
+        return again, ()
 
 
 class HandlerError(MachineError):
@@ -85,9 +89,3 @@ class LivenessError(SoterError):
     def __reduce__(self) -> tuple[type[LivenessError], tuple[Any, ...]]:
         """Pickle by the arguments."""
         return type(self), (self.reason, self.specs)
-
-
-def _rebuild(
-    kind: type[MachineError], reason: str, machine: str, state: str, handler: str | None, event: Event | None
-) -> MachineError:
-    return kind(reason, machine=machine, state=state, handler=handler, event=event)
