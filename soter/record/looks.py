@@ -48,38 +48,32 @@ class Looks:
         self._truth: Final = truth
         self._faults: Final = faults
         self._stalls: Final = stalls
-        self._ended: Final[dict[tuple[object, ...], bool]] = {}
-        self._counted: Final[dict[tuple[object, ...], tuple[float, int]]] = {}
+        self._told: Final[dict[tuple[object, ...], object]] = {}
 
     def look(self, now_s: float) -> Iterator[Event]:
         """Yield events for all that is new since the look before."""
         if self._truth is not None:
             for each in self._truth.report().violations:
-                if self._is_news(("violation", each.rule, each.robots, each.start_s), each.end_s):
+                if self._is_news(("violation", each.rule, each.robots, each.start_s), each.end_s is not None):
                     yield ViolationEvent(now_s, each.rule, each.robots, each.start_s, _absent_if_none(each.end_s))
         for index, fault in enumerate(self._faults()):
-            if self._is_more(("fault", index), 0.0, fault.affected):
+            if fault.affected and self._is_news(("fault", index), fault.affected):
                 yield FaultEvent(now_s, fault.robot_id, fault.kind, fault.declared, fault.affected)
         for stall in self._stalls():
-            if self._is_news(("stall", stall.robot_id, stall.start_s), stall.end_s):
+            if self._is_news(("stall", stall.robot_id, stall.start_s), stall.end_s is not None):
                 end_s = _absent_if_none(stall.end_s)
                 yield StallEvent(now_s, stall.robot_id, stall.start_s, stall.module, stall.cause, end_s)
         for robot in self._robots:
             for assumption, spell in robot.log.spells.items():
-                if self._is_more(("breach", robot.robot_id, assumption), spell.first_s, spell.times):
+                if self._is_news(("breach", robot.robot_id, assumption), (spell.first_s, spell.times)):
                     yield BreachEvent(
                         now_s, robot.robot_id, assumption.id, spell.first_s, spell.last_s, spell.times, spell.cause,
                         tuple(WorstMessage(*each) for each in spell.worst),
                     )  # fmt: skip
 
-    def _is_news(self, key: tuple[object, ...], end_s: float | None) -> bool:
-        ended = end_s is not None
-        before, self._ended[key] = self._ended.get(key), ended
-        return before is not ended
-
-    def _is_more(self, key: tuple[object, ...], since_s: float, count: int) -> bool:
-        before, self._counted[key] = self._counted.get(key, (0.0, 0)), (since_s, count)
-        return before != (since_s, count)
+    def _is_news(self, key: tuple[object, ...], told: object) -> bool:
+        before, self._told[key] = self._told.get(key), told
+        return before != told
 
 
 def _absent_if_none(end_s: float | None) -> float | msgspec.UnsetType:
