@@ -149,7 +149,6 @@ class Plan:
     """The mission and settings of all runs.
 
     Attributes:
-        mission: the mission file.
         overrides: the command line's settings; a variant's own override them.
         seeds: the seeds; each variant runs once with each.
         force: whether ill-formed variants run all the same.

@@ -57,8 +57,6 @@ class Repetition:
 
     Args:
         replicas: the number of plain runs to begin with.
-        below: the value.
-        random: the source of random numbers.
 
     Attributes:
         runs: the runs that it needs; grows with the results.

@@ -90,7 +90,6 @@ class Store:
     """The finished runs of a campaign. One process writes; any number may read meanwhile.
 
     Args:
-        path: the file.
         write: whether to write the file, and to make it if there is none. No other process may write it then.
 
     Raises:

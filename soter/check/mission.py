@@ -54,11 +54,8 @@ def check_mission(
 ) -> MissionReport:
     """Check every module of a mission against the promises of its backend's robots.
 
-    Args:
-        mission: the mission; its robots are not opened.
-        budget: trials for every module that is tested instead of proved.
-        seed: seed of all random numbers.
-        on_progress: called with what is being done, in words.
+    `budget` is the number of trials for each module that is tested instead of proved, and `on_progress` is called with
+    what is being done, in words. The robots are not opened.
 
     Raises:
         ConfigError: bad input.

@@ -53,9 +53,7 @@ class UserRules:
     def look(self, now_s: float, robots: Iterable[RobotSupervisor]) -> None:
         """Judge the time since the last look.
 
-        Args:
-            now_s: fleet time.
-            robots: their supervisors, for the charge, which truth does not have.
+        `robots` are their supervisors, for the charge, which truth does not have.
         """
         if not self._rules:
             return

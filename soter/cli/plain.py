@@ -51,7 +51,6 @@ class Unfailing(io.FileIO):
     """A file whose writes never fail, so that output cannot end a command on which robots depend.
 
     Args:
-        fd: the file's descriptor.
         on_full: called once, with the error, if a disk is full. A reader that has left is not reported.
 
     Attributes:
@@ -82,7 +81,6 @@ class PlainStream(io.TextIOBase):
     """A text stream that writes through `plain`.
 
     Args:
-        stream: the stream to write to.
         styled: whether colours pass, but no other sequences; only for texts without untrusted colours.
     """
 

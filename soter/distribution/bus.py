@@ -108,8 +108,6 @@ class BusInbox(Generic[M]):
     """Keeps messages with their times of arrival, until the reading thread takes them.
 
     Args:
-        bus: the bus.
-        key: the key to subscribe to.
         decode: decodes a payload; raises `Garbage` if it is no message.
         now: the listener's clock; called in the bus's thread.
 

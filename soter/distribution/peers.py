@@ -161,7 +161,6 @@ class OtherProcess:
     """One other process, by its statuses. Supervisor's thread only.
 
     Args:
-        name: its name.
         robots: the robots that it supervises by the mission file, with the promised reach model and position noise of
             each.
         me: this process's name.

@@ -31,16 +31,10 @@ _PASSES: Final = schema_name(Log)
 
 
 class AppScreen(ServerListener):
-    """Passes a run on to the Foxglove app.
+    """Passes a run on to the Foxglove app; a `soter.live.process.Screen`.
 
     The port is held from the beginning, but served only once all channels are known, so that a client gets all of them
     when it connects.
-
-    Args:
-        port: a port of 127.0.0.1; 0 for a free one.
-
-    Raises:
-        OSError: the port is not available.
     """
 
     def __init__(self, port: int) -> None:

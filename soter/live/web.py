@@ -50,13 +50,9 @@ _WAITING: Final = b"""\
 
 
 class PageScreen:
-    """Serves the page of a run. `show` runs in the thread that made the screen; every viewer has a thread of its own.
+    """Serves the page of a run; a `soter.live.process.Screen`.
 
-    Args:
-        port: a port of 127.0.0.1; 0 for a free one.
-
-    Raises:
-        OSError: the port is not available.
+    `show` runs in the thread that made the screen; every viewer has a thread of its own.
     """
 
     def __init__(self, port: int) -> None:

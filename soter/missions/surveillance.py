@@ -39,11 +39,8 @@ class Targets:
     """Draws targets, for every robot from a random stream of its own.
 
     Args:
-        workspace: fence and boxes.
-        body_radius_m: body radii of the robots, by id.
         name: `grid`, `uniform` (anywhere inside the fence where a body can stand) or `hostile` (anywhere up to
             `OUTSIDE_M` outside the fence, boxes included).
-        seed: the run's seed.
     """
 
     def __init__(self, workspace: Workspace, body_radius_m: Mapping[int, float], name: str, seed: int) -> None:

@@ -29,10 +29,7 @@ class GoalGate(Gate[GoalMessage]):
     def obey(self, command: Command, clock_s: float, now_s: float) -> bool:
         """Take a command; return False, and change nothing, if it must not be followed.
 
-        Args:
-            command: the command.
-            clock_s: time of the robot's clock that stamps its reports.
-            now_s: steady time.
+        `clock_s` is the time of the robot's clock that stamps its reports, and `now_s` is steady time.
         """
         same, renewed_s = self.clock(clock_s, now_s) == command.clock, command.renewed_s
         age_s = clock_s - renewed_s if same and renewed_s is not None else None

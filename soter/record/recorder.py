@@ -79,11 +79,7 @@ class Recorder:
     Used from the supervisor's thread. No method raises once recording has begun: a run must not end because its disk is
     full.
 
-    Args:
-        path: the file; an existing one is replaced when the recording is complete.
-        waits: whether the run waits if the writer does not keep up, as it may in virtual time.
-        sign: the private key to sign the recording with, or None.
-        stop: returns whether the run is to end.
+    For the arguments, see `soter.record.pipe.WriterPipe`.
     """
 
     def __init__(

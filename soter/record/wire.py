@@ -23,7 +23,7 @@ _LENGTH: Final = struct.Struct("<I")
 
 
 class RobotRow(Struct, array_like=True, gc=False):
-    """One robot at one tick.
+    """One robot at one tick; see also `messages.RobotTick`.
 
     Attributes:
         state: the robot's sample.
@@ -31,11 +31,7 @@ class RobotRow(Struct, array_like=True, gc=False):
         in_sc: whether the SC is active.
         modules_in_sc: bit i is set while module i is in SC.
         numbers: margin and reach bound of every module, in their order.
-        unread: whether there was no sample.
-        no_state: why there was no sample.
         refused: calls that failed, and the errors.
-        ac_drove: whether the AC's port passed on a command.
-        ac_failure: why the AC will never get control again.
     """
 
     state: RobotState

@@ -204,13 +204,8 @@ def record(
 ) -> bool:
     """Write all frames from a pipe, until its other end is closed; return whether the run came to its end.
 
-    Args:
-        source_fd: the pipe.
-        stream: the file.
-        capacity_bytes: the pipe's capacity.
-        chunk_s: host time after which a chunk is closed.
-        sign: returns a signature of the file's hash; None to leave it unsigned.
-        key: the public key that verifies the signature.
+    The pipe has a capacity of `capacity_bytes`, and a chunk is closed after `chunk_s` of host time. For `sign` and
+    `key`, see `RecordingFile`.
 
     Raises:
         OSError: the file cannot be written.

@@ -28,12 +28,7 @@ class Configuration:
     room: DrawnRoom
 
     def write(self, folder: Path, note: str = "") -> Path:
-        """Write both files into a folder, which is created; return the mission file.
-
-        Args:
-            folder: the folder.
-            note: a comment for the top of the mission file.
-        """
+        """Write both files into a folder, which is created; return the mission file, with a note at its top."""
         folder.mkdir(parents=True, exist_ok=True)
         workspace = self.room.write(folder)
         mission = folder / MISSION_FILE

@@ -36,9 +36,7 @@ _STOPS_M: Final = 0.03
 def draw(seed: int, engine: str = "kinematic") -> Configuration:
     """Return the configuration of a seed; the same seed gives the same one.
 
-    Args:
-        seed: any whole number.
-        engine: engine of the backend `pybullet`; with `kinematic`, most missions use the backend `kinematic`.
+    `engine` is that of the backend `pybullet`; with `kinematic`, most missions use the backend `kinematic`.
     """
     rng = Random(f"configuration {seed}")
     nasty = rng.random() < NASTY

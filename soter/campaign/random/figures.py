@@ -14,7 +14,6 @@ class Figures:
 
     Attributes:
         promise: the worst speed, brakes, latency, age, jitter, noise, lease, radius.
-        tick_s: the base tick.
         slowest_m_s: top speed of the slowest robot.
     """
 

@@ -57,11 +57,9 @@ class Document:
     """The data of a page, as text.
 
     Args:
-        story: the story that the page shows.
         recording: the run's recording; for a run that goes on, the part up to now.
         content: its events and counts.
         news: whether to include only data that were not sent yet, which then count as sent.
-        goes_on: whether the run goes on.
 
     Raises:
         BadRecording: the recording lacks data that a page shows.

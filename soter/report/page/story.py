@@ -114,7 +114,6 @@ class RobotStory:
     """One robot.
 
     Attributes:
-        about: the robot's description.
         modules: the modules with margins.
         time_s, x_m, y_m, heading_rad: its poses.
         stretches: rows of start in fleet time and index of the driver from then on.
@@ -227,8 +226,6 @@ class Story:
     """All robots.
 
     Args:
-        about: the description of the run.
-        workspace: its workspace.
         pose_ticks: number of ticks of which one pose is kept.
         bucket_ticks: number of ticks gathered in a bucket.
 
