@@ -36,15 +36,11 @@ class PeerGroup:
         others: by name of each other process, the promises of its robots.
         mission: this process's mission; statuses of another mission are ignored.
         clock: this process's fleet time; thread-safe.
-
-    Attributes:
-        has_duplicate: whether another live process with this name was heard: two of them must not run.
     """
 
     def __init__(
         self, bus: Bus, prefix: str, me: str, others: Mapping[str, Promised], mission: str, clock: Clock
     ) -> None:
-        self.has_duplicate = False
         self._bus: Final = bus
         self._me: Final = me
         self._epoch: Final = new_epoch()
@@ -53,6 +49,7 @@ class PeerGroup:
         self._key: Final = f"{prefix}/{me}/status"
         self._serial = 0
         self._duplicate: tuple[int, float, float] | None = None  # epoch, its first sending time, that status's arrival
+        self._has_duplicate = False
         self._restarts: Final[dict[str, int]] = {}
         self._foreign: Final[set[str]] = set()
         self.others: Final = {
@@ -96,6 +93,10 @@ class PeerGroup:
                 missing[name] = f"it has not been heard for {now_s - other.heard_s:.1f} s"
         return missing
 
+    def has_duplicate(self) -> bool:
+        """Return whether another live process with this name was heard: two of them must not run."""
+        return self._has_duplicate
+
     def close(self) -> None:
         """Leave the bus. Idempotent."""
         self._bus.close()
@@ -112,4 +113,4 @@ class PeerGroup:
         if self._duplicate is None or self._duplicate[0] != status.epoch:
             self._duplicate = (status.epoch, status.sent_s, received_s)
         _, sent_s, since_s = self._duplicate
-        self.has_duplicate |= status.sent_s - sent_s >= _DUPLICATE_S and received_s - since_s >= _DUPLICATE_S
+        self._has_duplicate |= status.sent_s - sent_s >= _DUPLICATE_S and received_s - since_s >= _DUPLICATE_S

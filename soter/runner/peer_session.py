@@ -124,7 +124,7 @@ class PeerSession:
         return False
 
     def _refuse_duplicate(self) -> None:
-        if self._peer_group.has_duplicate:
+        if self._peer_group.has_duplicate():
             raise option_error(
                 "--process",
                 f"another process '{self.process}' of this mission is running; end that one, or choose another with "

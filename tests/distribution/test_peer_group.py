@@ -265,8 +265,8 @@ def test_of_two_processes_with_one_name_no_sample_is_taken_for_younger_than_it_i
             sound(world.a, world.b if sample.x_m < 50.0 else twin)
     assert [record.getMessage() for record in caplog.records] == ["process 'b' has been started anew"]
     assert alive(world.a), "the other one tells where the robot is"
-    assert world.b.peer_group.has_duplicate
-    assert twin.peer_group.has_duplicate
+    assert world.b.peer_group.has_duplicate()
+    assert twin.peer_group.has_duplicate()
 
 
 def test_a_peer_that_moves_too_fast_is_found_out_by_its_own_stamps() -> None:
@@ -332,12 +332,12 @@ def test_another_process_of_the_same_name_is_told_from_what_an_earlier_start_has
     for serial in range(40):
         bus.publish("soter/a/status", encode(Status("a", 999, MISSION, serial, serial * TICK_S)))
     world.run(1.0)
-    assert not peer_group.has_duplicate, "all of it came at once"
+    assert not peer_group.has_duplicate(), "all of it came at once"
     for serial in range(10):
         bus.publish("soter/a/status", encode(Status("a", 888, MISSION, serial, serial * TICK_S)))
         world.run(TICK_S)
-    assert peer_group.has_duplicate
-    assert not world.b.peer_group.has_duplicate
+    assert peer_group.has_duplicate()
+    assert not world.b.peer_group.has_duplicate()
 
 
 def test_another_mission_and_garbage_are_noticed(caplog: pytest.LogCaptureFixture) -> None:
