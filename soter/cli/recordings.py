@@ -78,7 +78,10 @@ def unless_recorded(path: Path | None) -> Iterator[None]:
 
 
 def show_recording(console: Console, report: RecordingReport) -> None:
-    """Print the path of the recording, and what it lacks."""
+    """Print the path of the recording, and what it lacks; or why there is none."""
+    if report.failure and not report.size_bytes:
+        console.print(f"no recording: {report.failure}", soft_wrap=True)
+        return
     lacks = f", incomplete: {report.failure}" if report.failure else ""
     if report.dropped_ticks:
         lacks += f", {report.dropped_ticks} ticks dropped"

@@ -232,7 +232,9 @@ class Recorder:
             outcome = wire.WriterOutcome() if self._pipe is None else self._pipe.close(last)
             # A writer that was killed, or had failed before, does not report the size.
             size_bytes = outcome.size_bytes or _size(self.writing)
-            self._report = RecordingReport(self.path, outcome.failure, self._dropped, size_bytes, self._refused)
+            # What could be written of it has not replaced what was there before.
+            path = self.writing if outcome.failure and self.writing.exists() else self.path
+            self._report = RecordingReport(path, outcome.failure, self._dropped, size_bytes, self._refused)
             self._say(outcome.failure, "")
         return self._report
 

@@ -137,23 +137,41 @@ def test_a_killed_writer_costs_the_recording_and_not_the_run(tmp_path: Path, cap
     assert run.result.trace_sha256 == run_mission(mission(duration_s=60.0)).result.trace_sha256
 
 
-def test_a_full_disk_costs_the_end_of_the_recording_and_not_the_run(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    most_bytes = 500_000
-    arguments = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "300", "--json", "-", "--quiet")
-    done = subprocess.run(
-        [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), *arguments, "--record", str(path)],
+def filled(path: Path, most_bytes: int) -> subprocess.CompletedProcess[str]:
+    """Run and record for as long as no file grows larger than that."""
+    arguments = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "300", "--json", "-")
+    return subprocess.run(
+        [sys.executable, "-m", "soter.cli", "run", str(SURVEILLANCE), *arguments, "--force", "--record", str(path)],
         cwd=ROOT, capture_output=True, text=True, timeout=100,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes)),
     )  # fmt: skip
+
+
+def test_a_full_disk_costs_the_end_of_the_recording_and_not_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    recorded(path, duration_s=1.0)
+    before = path.read_bytes()
+    done = filled(path, 500_000)
     assert '"status": "completed"' in done.stdout
     assert "File too large" in done.stderr
     assert "the recording is not complete" in done.stderr
     assert done.returncode == 3
-    assert path.stat().st_size <= most_bytes
-    recording = Recording(path)
+    assert path.read_bytes() == before
+    (part,) = (each for each in tmp_path.iterdir() if each != path)
+    assert f"recording: {part} (" in done.stderr
+    assert part.stat().st_size <= 500_000
+    recording = Recording(part)
     assert recording.truncated
-    assert 20.0 < ticks_of(path)[-1].time_s < 300.0
+    assert 20.0 < ticks_of(part)[-1].time_s < 300.0
+
+
+def test_a_recording_of_which_nothing_could_be_written_is_not_named(tmp_path: Path) -> None:
+    done = filled(tmp_path / "run.mcap", 0)
+    assert '"status": "completed"' in done.stdout
+    assert done.returncode == 3
+    assert "no recording: File too large" in done.stderr
+    assert "recording: /" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_device_that_is_full_from_the_beginning_costs_only_the_recording(caplog: pytest.LogCaptureFixture) -> None:
