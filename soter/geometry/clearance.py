@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from soter.geometry.cells import Rectangles, window
+from soter.geometry.cells import window
 from soter.geometry.convex import Piece, Pieces
 from soter.geometry.edges import Floats
 from soter.geometry.grid import GridMap
@@ -68,7 +68,7 @@ class _Block(NamedTuple):
         exact: whether all distances in the block are in the exact range.
     """
 
-    boxes: Rectangles
+    boxes: list[Four]
     nearest: NDArray[np.bool_]
     exact: bool
 
@@ -330,16 +330,19 @@ class Field(Pieces):
         far: Four | None = None
         block = self._blocks.get(place)
         if block is None or not block.exact:
-            a, b, c, d = self.corners[row : row + 2, column : column + 2].ravel().tolist()
+            corner = self.corners.item
+            a, b = corner(row, column), corner(row, column + 1)
+            c, d = corner(row + 1, column), corner(row + 1, column + 1)
             least = max(a, b, c, d) - _DIAGONAL
             if least >= EXACT_CELLS:
                 return (), (), (a, b, c, d)
             if least + 2.0 * _DIAGONAL > EXACT_CELLS:
                 far = a, b, c, d
             block = block or self._block(*place)
-        near = block.boxes[block.nearest[row % _BLOCK, column % _BLOCK]].tolist()
-        ways = tuple((*_way(column, low_u, high_u), *_way(row, low_v, high_v)) for low_u, low_v, high_u, high_v in near)
-        return tuple((low_u, low_v, high_u, high_v) for low_u, low_v, high_u, high_v in near), ways, far
+        boxes = block.boxes
+        near = tuple([boxes[at] for at in block.nearest[row % _BLOCK, column % _BLOCK].nonzero()[0].tolist()])
+        ways = tuple([_way(column, low_u, high_u) + _way(row, low_v, high_v) for low_u, low_v, high_u, high_v in near])
+        return near, ways, far
 
     def _block(self, column: int, row: int) -> _Block:
         """Return the boxes around a block of cells; cached."""
@@ -358,11 +361,12 @@ class Field(Pieces):
         # Anywhere in a cell, the nearest box is at most as far as the least of the boxes' upper bounds.
         most = (most_v[:, None] + most_u).min(axis=2, initial=_INFINITE)
         nearest = apart_v[:, None] + apart_u <= most[..., None]
-        found = self._blocks[column, row] = _Block(boxes, nearest, farthest + _DIAGONAL <= EXACT_CELLS)
+        exact = farthest + _DIAGONAL <= EXACT_CELLS
+        found = self._blocks[column, row] = _Block([*map(tuple, boxes.tolist())], nearest, exact)
         return found
 
 
-def _way(cell: int, low: int, high: int) -> tuple[float, float]:
+def _way(cell: int, low: float, high: float) -> tuple[float, float]:
     """Return the way from places of a cell to a rectangle, along one axis, as a sign and an offset."""
     return (-1.0, low) if cell < low else (1.0, -high) if cell >= high else (0.0, 0.0)
 
