@@ -15,6 +15,8 @@ _STEERING: Final = {
 """Ranges of values that are refused. ArduRover treats a pivot angle of 5 degrees or less as none."""
 
 _ASK_S: Final = 1.0
+_ROUNDED: Final = 1.0 + 1e-6
+"""Parameters are sent in single precision."""
 
 
 class JudgedParameters:
@@ -26,20 +28,21 @@ class JudgedParameters:
     def __init__(self, vehicle: Vehicle, promised: Capabilities) -> None:
         self._vehicle: Final = vehicle
         self._brake_m_s2: Final = promised.brake_m_s2
+        self._v_max_m_s: Final = promised.v_max_m_s
         self._asked_s, self._asked = 0.0, 0
 
     @property
     def names(self) -> tuple[str, ...]:
         """The parameters' names, in the order in which they are asked for."""
         kind = self._vehicle.kind
-        return (*(_STEERING if kind == ARDUROVER else ()), *kind.brakes)
+        return (*(_STEERING if kind == ARDUROVER else ()), *kind.brakes, *kind.speeds)
 
     def why_refused(self) -> str:
         """Return which parameter does not allow the promise, and values that would; empty if all allow it.
 
         Parameters that the vehicle does not report are not checked.
         """
-        return self._steers_wrongly() or self._brakes_weakly()
+        return self._steers_wrongly() or self._brakes_weakly() or self._hurries()
 
     def ask_again(self) -> None:
         """Ask for the next parameter if one is due. Called while the vehicle drives."""
@@ -73,5 +76,17 @@ class JudgedParameters:
                 return (
                     f"its {name} is {most_m_s2:g}, and promise.brake_m_s2 is {self._brake_m_s2:g}; allowed: a promise "
                     "of at most that, or a larger parameter where the vehicle brakes so hard"
+                )
+        return ""
+
+    def _hurries(self) -> str:
+        """Refuse a vehicle that flies faster than promised until it has taken a lower limit."""
+        for name, unit_m_s in self._vehicle.kind.speeds.items():
+            value = self._vehicle.parameters.get(name)
+            # Also refuses NaN.
+            if value is not None and not value * unit_m_s <= self._v_max_m_s * _ROUNDED:
+                return (
+                    f"its {name} is {value:g}, which is {value * unit_m_s:g} m/s, and promise.v_max_m_s is "
+                    f"{self._v_max_m_s:g}; allowed: at most {self._v_max_m_s / unit_m_s:g}"
                 )
         return ""

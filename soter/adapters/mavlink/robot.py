@@ -28,7 +28,7 @@ from soter.adapters.mavlink.parameters import JudgedParameters
 from soter.adapters.mavlink.preparation import Preparation
 from soter.adapters.mavlink.sampling import ChargeFilter, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle
+from soter.adapters.mavlink.vehicle import ARDUCOPTER, ARDUROVER, Vehicle
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Uncontrolled, Unsupported
 from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
@@ -83,6 +83,8 @@ class MavlinkRobot(Robot):
         self._obedience: Final = Obedience(self._vehicle, self._setpoints, judged)
         self._charge = Controller.SC
         self._leg: TargetLeg | None = None
+        self._halted_at: tuple[float, float, float] | None = None
+        self._halted_s: float | None = None
         self._refusal = ""
         self._gated = False
         self._renewed_s = 0.0
@@ -163,7 +165,7 @@ class MavlinkRobot(Robot):
             # Naming another component drops the target on the vehicle. The lease stays: only `_renew_lease` renews it.
             self._name()
         elif self._leg is None:
-            self._setpoints.stand(to)
+            self._stand(self._known())
 
     def _renew_lease(self) -> None:
         self._beat([self.id])
@@ -171,7 +173,7 @@ class MavlinkRobot(Robot):
             raise Uncontrolled(self._refusal or f"it is made ready again, and lacks {self._preparation.why_not()}")
         obedience = self._obedience
         if trouble := obedience.astray or obedience.disobeys:
-            self._setpoints.stand(self._charge)
+            self._stand(None)
             raise Uncontrolled(trouble)
         self._renewed_s = self.clock.now()
         if self._gated:
@@ -180,7 +182,7 @@ class MavlinkRobot(Robot):
 
     def _halt(self) -> None:
         self._leg = None
-        self._setpoints.stand(self._charge)
+        self._stand(self._known())
 
     def _disconnect(self, timeout_s: float) -> None:
         self._leg = None
@@ -247,6 +249,7 @@ class MavlinkRobot(Robot):
         self._sampler.frame = frame
         self._setpoints.begin(frame)
         self._sampler.flies = kind.flies
+        self._halted_at = self._halted_s = None
         self._gated = preparation.gated is True
         self._obedience.begin(preparation.origin, gated=self._gated)
         logger.info(
@@ -280,7 +283,7 @@ class MavlinkRobot(Robot):
         """Send a target, or a command to stand, as the active controller."""
         leg = self._leg
         if leg is None or at is None:
-            self._setpoints.stand(self._charge)
+            self._stand(at)
             return
         target = leg.looking_ahead(at) if self._sampler.flies else leg.target
         if self._gated:
@@ -288,13 +291,11 @@ class MavlinkRobot(Robot):
             return
         promised, now_s = self.declared, self.clock.now()
         left_s = promised.lease_s - (now_s - self._renewed_s)
-        # If samples wait on the link targets may wait as well, and arrive when they are no longer valid.
-        late = now_s - at.stamp_s > promised.sample_age_s + promised.jitter_s + promised.lease_s
         ended = not self._sampler.flies and leg.ended(at, promised.position_noise_m)
-        if left_s <= 0.0 or late or ended:
-            self._setpoints.stand(self._charge)
+        if left_s <= 0.0 or ended or self._is_late(at) or self._brakes:
+            self._stand(at)
             return
-        self._setpoints.cap_speed(target.speed_m_s)
+        self._halted_at = self._halted_s = None
         if not self._sampler.flies:
             # A rover acts on a target half a period late on average, and brakes harder and later than it promises.
             left_s = max(left_s - 0.5 * promised.setpoint_period_s, 0.0)
@@ -302,7 +303,46 @@ class MavlinkRobot(Robot):
         if self._reverses:
             self._setpoints.drive_backwards(leg.backwards)
         place = leg._replace(target=target).ahead(at, ahead_m)
+        if not self._sampler.flies:
+            self._setpoints.cap_speed(target.speed_m_s)
         self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
+        if self._sampler.flies:
+            # ArduCopter forgets its limit with the first place after a velocity.
+            self._setpoints.cap_speed(target.speed_m_s)
+
+    def _stand(self, at: RobotState | None) -> None:
+        """Tell the vehicle to stop and stay, as the active controller.
+
+        An ArduCopter without a gate is sent the place where it can stop, once its position is known. When it is sent a
+        velocity after a place, or a place after a velocity, it goes on accelerating or braking as it did then, as if
+        the wind had to be held out against, and comes up to twice its speed limit.
+        """
+        if self._gated or self._vehicle.kind != ARDUCOPTER or not self._preparation.ready:
+            self._setpoints.stand(self._charge)
+            return
+        if at is None or self._is_late(at) or self._brakes:
+            self._halted_at = None
+            self._halted_s = self.clock.now() if self._halted_s is None else self._halted_s
+            self._setpoints.stand(self._charge)
+            return
+        self._halted_at, self._halted_s = self._halted_at or self._stopping_place(at), None
+        self._setpoints.stand_at(self._charge, *self._halted_at)
+
+    def _stopping_place(self, at: RobotState) -> tuple[float, float, float]:
+        """Return where a vehicle comes to rest that brakes as promised."""
+        ahead_s = self.clock.now() - at.stamp_s + math.hypot(at.vx_m_s, at.vy_m_s) / (2.0 * self.declared.brake_m_s2)
+        return at.x_m + ahead_s * at.vx_m_s, at.y_m + ahead_s * at.vy_m_s, at.z_m
+
+    @property
+    def _brakes(self) -> bool:
+        """Whether an ArduCopter that was stopped by a velocity may not be at rest yet."""
+        promised, since_s = self.declared, self._halted_s
+        return since_s is not None and self.clock.now() - since_s <= promised.v_max_m_s / promised.brake_m_s2
+
+    def _is_late(self, at: RobotState) -> bool:
+        """Whether samples wait on the link: then targets may wait as well, and arrive when they are no longer valid."""
+        promised = self.declared
+        return self.clock.now() - at.stamp_s > promised.sample_age_s + promised.jitter_s + promised.lease_s
 
     def _reported(self) -> Controller | None:
         """Return the active controller that the vehicle reports; None while the vehicle is not in its guided mode."""

@@ -17,6 +17,7 @@ from soter.sdk import Controller, RobotState, Waypoint
 # Bits of the fields that the vehicle is to ignore.
 _ONLY_POSITION: Final = 0x0DF8
 _STANDING: Final = 0x05C7
+_STANDING_THERE: Final = 0x05F8
 _VELOCITY: Final = 0x0038
 _YAW: Final = 0x0400
 
@@ -52,9 +53,14 @@ class Setpoints:
         """Tell the vehicle to stop and stay, by a velocity of zero, which every autopilot obeys at once.
 
         Without a yaw rate of zero beside it, ArduRover takes the direction of that velocity for a heading, and pivots
-        to the north.
+        to the north. A copter that is sent a place afterwards has forgotten its speed limit.
         """
+        self._told.pop(mav.MAV_CMD_DO_CHANGE_SPEED, None)
         self._send(by, _STANDING)
+
+    def stand_at(self, by: Controller, x_m: float, y_m: float, z_m: float) -> None:
+        """Tell a copter to stop at a place where it can, and to turn no further."""
+        self._send(by, _STANDING_THERE, self._place(x_m, y_m, z_m))
 
     def go(self, by: Controller, target: Waypoint, at: RobotState | None) -> None:
         """Send a target with its speed limit and heading to a vehicle that heeds all three.

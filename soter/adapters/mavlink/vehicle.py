@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -41,6 +41,7 @@ class VehicleKind:
         land: the mode in which it lands; None for ground vehicles.
         names: names of modes, for messages to users.
         brakes: the parameters that limit its braking, in m/s2: the first of them that is above 0 counts.
+        speeds: the parameters that limit its speed before it is asked for less, with their unit in m/s.
     """
 
     name: str
@@ -51,6 +52,7 @@ class VehicleKind:
     land: int | None
     names: Mapping[int, str]
     brakes: tuple[str, ...] = ()
+    speeds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def is_px4(self) -> bool:
@@ -74,9 +76,10 @@ ARDUROVER: Final = VehicleKind(
     names={0: "MANUAL", 3: "STEERING", 4: "HOLD", 5: "LOITER", 10: "AUTO", 11: "RTL", 15: "GUIDED"},
     brakes=("ATC_DECEL_MAX", "ATC_ACCEL_MAX"),
 )  # fmt: skip
-_ARDUCOPTER: Final = VehicleKind(
+ARDUCOPTER: Final = VehicleKind(
     "copter", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=True, guided=4, stop=17, land=9,
     names={0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND", 17: "BRAKE"},
+    speeds={"WPNAV_SPEED": 0.01, "WP_SPD": 1.0},
 )  # fmt: skip
 _PX4_NAMES: Final = {
     px4_mode(1): "MANUAL", px4_mode(3): "POSCTL", px4_mode(4, 3): "HOLD", px4_mode(4, 4): "MISSION",
@@ -90,7 +93,7 @@ _PX4_COPTER: Final = VehicleKind(
     names=_PX4_NAMES,
 )  # fmt: skip
 _KINDS: Final = {
-    (kind.name, kind.autopilot): kind for kind in (ARDUROVER, _ARDUCOPTER, _PX4_ROVER, _PX4_COPTER)
+    (kind.name, kind.autopilot): kind for kind in (ARDUROVER, ARDUCOPTER, _PX4_ROVER, _PX4_COPTER)
 }  # fmt: skip
 
 

@@ -116,6 +116,30 @@ def test_a_rover_that_cannot_turn_in_place_is_refused_before_it_is_armed(
     assert not other.armed
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("WPNAV_SPEED", 23.0, r"its WPNAV_SPEED is 23, which is 0.23 m/s, .* is 0.22; allowed: at most 22$"),
+        ("WP_SPD", 10.0, r"its WP_SPD is 10, .* promise.v_max_m_s is 0.22; allowed: at most 0.22$"),
+        ("WP_SPD", math.nan, "its WP_SPD is nan"),
+        ("WPNAV_SPEED", 22.0, ""),
+        ("WP_SPD", 0.2199999988079071, ""),
+    ],
+)
+def test_a_copter_that_is_faster_than_promised_until_it_is_asked_for_less_is_refused_before_it_is_armed(
+    puppet: Puppet, name: str, value: float, says: str
+) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA), False
+    puppet.parameters[name] = value
+    robot = robot_of(puppet, vehicle="copter")
+    if not says:
+        robot.init(20.0)
+        return
+    with pytest.raises(RobotUnavailable, match=says):
+        robot.init(20.0)
+    assert not puppet.armed
+
+
 def test_a_vehicle_that_is_not_there_is_missed_in_time_and_others_are_named(puppet: Puppet) -> None:
     puppet.silent = True
     puppet.strangers.update({7, 3})

@@ -10,6 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import KEEPER, SENDERS
+from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.errors import RobotUnavailable, Unsupported
 from soter.sdk import Controller, GoalStatus, Waypoint
 from tests.adapters.mavlink.puppet import FAR, ROVER_HOLD, STANDS, Puppet, ready, robot_of, tick
@@ -181,6 +182,93 @@ def test_a_rover_without_a_gate_is_told_which_way_to_drive_until_it_has_answered
     puppet.sent.clear()
     tick(puppet, robot, 120)
     assert puppet.commands(mav.MAV_CMD_DO_SET_REVERSE)[0]["param1"] == 1.0
+
+
+# --- copters ---------------------------------------------------------------------------------------------------
+
+STANDS_THERE = 0x05F8
+GOES = 0x09F8
+
+
+def flying(puppet: Puppet, **options: object) -> MavlinkRobot:
+    """Return an ArduCopter in the air, at 0.2 m/s to the north."""
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA), False
+    robot = ready(puppet, vehicle="copter", height_m=2.0, **options)
+    puppet.speed_m_s = 0.2
+    tick(puppet, robot)
+    return robot
+
+
+def masks(puppet: Puppet) -> list[int]:
+    return [fields["type_mask"] for _, fields in puppet.targets()]
+
+
+def test_an_arducopter_is_stopped_by_a_place_since_it_would_speed_up_after_a_velocity(puppet: Puppet) -> None:
+    robot = flying(puppet)
+    puppet.sent.clear()
+    for controller in (AC, SC, AC):
+        robot.goto(FAR, robot.in_charge)
+        tick(puppet, robot, 4)
+        robot.switch_ac_sc(controller, "test")
+        tick(puppet, robot, 4)
+    assert set(masks(puppet)) == {GOES, STANDS_THERE}
+    robot.goto(FAR, AC)
+    puppet.y_m += 1.0
+    tick(puppet, robot)
+    puppet.sent.clear()
+    robot.switch_ac_sc(SC, "test")
+    tick(puppet, robot, 10)
+    places = {(fields["x"], fields["y"], fields["z"], fields["yaw_rate"]) for _, fields in puppet.targets()}
+    # Once, and not anew from where it has got to since.
+    ((north_m, east_m, down_m, yaw_rate_rad_s),) = places
+    braking_m = 0.2**2 / (2.0 * robot.declared.brake_m_s2)
+    assert 1.0 + braking_m <= north_m <= 1.0 + braking_m + 0.2 * robot.declared.sample_age_s
+    assert (east_m, down_m, yaw_rate_rad_s) == (0.0, -2.0, 0.0)
+
+
+def test_an_arducopter_that_was_stopped_by_a_velocity_gets_no_place_while_it_brakes(puppet: Puppet) -> None:
+    robot = flying(puppet, promise={"v_max_m_s": 1.0, "brake_m_s2": 1.0})
+    robot.goto(FAR, SC)
+    puppet.silent = True
+    while masks(puppet)[-1] != STANDS:
+        tick(puppet, robot)
+    puppet.silent = False
+    puppet.sent.clear()
+    tick(puppet, robot, 40)
+    # From 1 m/s it takes a second, of which the first tick is over.
+    stood = masks(puppet).count(STANDS)
+    assert stood in (19, 20)
+    assert masks(puppet) == [STANDS] * stood + [GOES] * (40 - stood)
+
+
+def test_an_arducopter_is_sent_its_speed_limit_after_the_place_and_again_after_a_velocity(puppet: Puppet) -> None:
+    robot = flying(puppet)
+    robot.goto(FAR, SC)
+    for _ in range(2):
+        tick(puppet, robot, 60)
+        names = [name for _, name, _ in puppet.sent if name in ("COMMAND_LONG", "SET_POSITION_TARGET_LOCAL_NED")]
+        limits = puppet.commands(mav.MAV_CMD_DO_CHANGE_SPEED)
+        assert 1 <= len(limits) <= 2
+        assert limits[-1]["param2"] == pytest.approx(0.92 * robot.declared.v_max_m_s)
+        assert names[names.index("COMMAND_LONG") - 1] == "SET_POSITION_TARGET_LOCAL_NED"
+        puppet.silent = True
+        tick(puppet, robot, 9)
+        puppet.silent = False
+        puppet.sent.clear()
+
+
+def test_an_arducopter_that_others_had_does_not_go_back_to_where_it_stood(puppet: Puppet) -> None:
+    robot = flying(puppet)
+    robot.switch_ac_sc(AC, "test")
+    tick(puppet, robot, 4)
+    puppet.mode = 5
+    tick(puppet, robot, 4)
+    puppet.mode, puppet.y_m, puppet.speed_m_s = 4, 3.0, 0.0
+    tick(puppet, robot, 40)
+    puppet.sent.clear()
+    tick(puppet, robot, 4)
+    assert masks(puppet) == [STANDS_THERE] * 4
+    assert puppet.targets()[-1][1]["x"] == pytest.approx(3.0)
 
 
 # --- the end -------------------------------------------------------------------------------------------------
