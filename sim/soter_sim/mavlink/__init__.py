@@ -46,7 +46,8 @@ disarmed, with a STATUSTEXT when a number in use is not finite). A position (mas
 `soter.onboard.drive` does: brake, pivot, straight, stop; a later one replaces it, and one nearly along the motion is
 steered to without stopping. While SOTER_YAW_SPEED is 1, which is the default and more than ArduPilot's rover does, a
 yaw (bit 10 clear) is arrived with, backwards where that is nearer, and a velocity beside a position (bits 3-5 clear)
-caps the speed by its horizontal length. A velocity alone is kept for 3 s of vehicle time. Copters must have taken off
+caps the speed by its horizontal length. A velocity alone is kept for 3 s of vehicle time; so is a yaw alone, to which a
+rover turns in place. Copters must have taken off
 (MAV_CMD_NAV_TAKEOFF).
 
 **Authority and lease.** At first, all senders' targets are obeyed, as on any autopilot. MAV_CMD_DO_GUIDED_MASTER (221)

@@ -88,6 +88,7 @@ class Flaws:
         if (
             isinstance(wanted, Velocity)
             and wanted.yaw_rate_rad_s is None
+            and wanted.heading_rad is None
             and hypot(wanted.east_m_s, wanted.north_m_s) == 0.0
         ):
             return replace(wanted, yaw_rate_rad_s=_TURN_PER_S * wrapped_rad(_NORTH_RAD - at.heading_rad))

@@ -59,6 +59,8 @@ class Rover:
 
 def _keep(wanted: Velocity, heading_rad: float) -> tuple[float, float]:
     """Return the speed and the turn rate that keep a velocity: turn towards it first, then drive."""
+    if wanted.heading_rad is not None:
+        return 0.0, _TURN_PER_S * wrapped_rad(wanted.heading_rad - heading_rad)
     speed_m_s = hypot(wanted.east_m_s, wanted.north_m_s)
     if wanted.yaw_rate_rad_s is not None:
         along_m_s = wanted.east_m_s * cos(heading_rad) + wanted.north_m_s * sin(heading_rad)

@@ -44,12 +44,14 @@ class Velocity:
         north_m_s: north.
         up_m_s: up; ignored by a rover.
         yaw_rate_rad_s: turn rate, or None: then a rover turns to its direction, and a copter does not turn.
+        heading_rad: the heading to which a rover turns in place, or None.
     """
 
     east_m_s: float
     north_m_s: float
     up_m_s: float = 0.0
     yaw_rate_rad_s: float | None = None
+    heading_rad: float | None = None
 
 
 Setpoint = Place | Velocity | None

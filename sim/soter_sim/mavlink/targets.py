@@ -114,6 +114,8 @@ def _target(
         _check(message, "yaw_rate")
         yaw_rate_rad_s = -message.yaw_rate
     if position is None:
+        if velocity is None and heading_rad is not None and yaw_rate_rad_s is None and not kind.flies:
+            return Velocity(0.0, 0.0, heading_rad=heading_rad)
         if velocity is None:
             raise NotATarget(f"type mask {mask} asks for neither a position nor a velocity")
         return replace(velocity, yaw_rate_rad_s=yaw_rate_rad_s)

@@ -13,6 +13,9 @@ _AHEAD_RAD: Final = 0.05
 _WORTH_A_TURN_M: Final = 0.15
 _ALONG_RAD: Final = 0.5
 _HAS_COURSE_M: Final = 0.3
+_PIVOTS_RAD: Final = 0.3
+_FACES_RAD: Final = 0.1
+_NOISES: Final = 3.0
 
 
 class TargetLeg(NamedTuple):
@@ -85,6 +88,29 @@ class TargetLeg(NamedTuple):
         gone = (at.x_m - self.x_m) * dx_m + (at.y_m - self.y_m) * dy_m + (at.z_m - self.z_m) * dz_m
         share = min(max(gone / length_m, 0.0) + reach_m, length_m) / length_m
         return self.x_m + share * dx_m, self.y_m + share * dy_m, self.z_m + share * dz_m
+
+    def facing(
+        self, at: RobotState, place: tuple[float, float, float], noise_m: float, most_rad: float, *, turns: bool
+    ) -> float | None:
+        """Return a rover's heading for now if it has to turn in place before it drives to a place; else None.
+
+        A rover that is sent to such a place ends its turn, and then drives there, however long it hears nothing more.
+
+        Args:
+            at: where the rover is.
+            place: on the leg.
+            noise_m: of positions; the way to a near place may lead anywhere.
+            most_rad: how far from its present heading it may be told to turn.
+            turns: whether it is turning already: then it goes on until it looks there.
+        """
+        dx_m, dy_m = place[0] - at.x_m, place[1] - at.y_m
+        if math.hypot(dx_m, dy_m) <= max(_NOISES * noise_m, _SHORT_M):
+            return None
+        course_rad = math.atan2(dy_m, dx_m) + (math.pi if self.backwards else 0.0)
+        off_rad = wrapped_rad(course_rad - at.heading_rad)
+        if abs(off_rad) <= (_FACES_RAD if turns else _PIVOTS_RAD):
+            return None
+        return wrapped_rad(at.heading_rad + min(max(off_rad, -most_rad), most_rad))
 
 
 def reach_m(v_m_s: float, brake_m_s2: float, lease_left_s: float) -> float:

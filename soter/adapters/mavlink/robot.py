@@ -85,6 +85,7 @@ class MavlinkRobot(Robot):
         self._leg: TargetLeg | None = None
         self._halted_at: tuple[float, float, float] | None = None
         self._halted_s: float | None = None
+        self._turns = False
         self._refusal = ""
         self._gated = False
         self._renewed_s = 0.0
@@ -299,16 +300,24 @@ class MavlinkRobot(Robot):
         if not self._sampler.flies:
             # A rover acts on a target half a period late on average, and brakes harder and later than it promises.
             left_s = max(left_s - 0.5 * promised.setpoint_period_s, 0.0)
-        ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
+        # A slow vehicle would take long to a place as far ahead as a fast one may be sent, however dead the lease is.
+        cap_m_s = promised.v_max_m_s if target.speed_m_s is None else target.speed_m_s
+        fastest_m_s = min(max(cap_m_s, math.hypot(at.vx_m_s, at.vy_m_s)), promised.v_max_m_s)
         if self._reverses:
             self._setpoints.drive_backwards(leg.backwards)
-        place = leg._replace(target=target).ahead(at, ahead_m)
-        if not self._sampler.flies:
-            self._setpoints.cap_speed(target.speed_m_s)
+        way = leg._replace(target=target)
+        if self._vehicle.kind == ARDUROVER:
+            far = way.ahead(at, reach_m(promised.v_max_m_s, promised.brake_m_s2, promised.lease_s))
+            turn_rad = promised.yaw_rate_max_rad_s * promised.lease_s
+            heading_rad = leg.facing(at, far, promised.position_noise_m, turn_rad, turns=self._turns)
+            self._turns = heading_rad is not None
+            if heading_rad is not None:
+                self._setpoints.turn(self._charge, at.x_m, at.y_m, heading_rad)
+                return
+        place = way.ahead(at, reach_m(fastest_m_s, promised.brake_m_s2, left_s))
         self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
-        if self._sampler.flies:
-            # ArduCopter forgets its limit with the first place after a velocity.
-            self._setpoints.cap_speed(target.speed_m_s)
+        # ArduCopter forgets its limit with the first place after a velocity, ArduRover refuses one before it.
+        self._setpoints.cap_speed(target.speed_m_s)
 
     def _stand(self, at: RobotState | None) -> None:
         """Tell the vehicle to stop and stay, as the active controller.

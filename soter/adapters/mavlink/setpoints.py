@@ -18,6 +18,7 @@ from soter.sdk import Controller, RobotState, Waypoint
 _ONLY_POSITION: Final = 0x0DF8
 _STANDING: Final = 0x05C7
 _STANDING_THERE: Final = 0x05F8
+_TURNING: Final = 0x09FF
 _VELOCITY: Final = 0x0038
 _YAW: Final = 0x0400
 
@@ -29,6 +30,9 @@ _KEPT: Final = 64
 
 _SWINGS: Final = 0.08
 """How far an autopilot without a clamp overshoots the requested speed, as a part of its top speed."""
+
+_ASKED: Final = 0.8
+"""The least part of a speed limit that is asked for: slow vehicles swing less."""
 
 _SLOWEST_M_S: Final = 0.05
 """ArduRover refuses a lower speed, and then goes on at the speed that it was sent before."""
@@ -61,6 +65,10 @@ class Setpoints:
     def stand_at(self, by: Controller, x_m: float, y_m: float, z_m: float) -> None:
         """Tell a copter to stop at a place where it can, and to turn no further."""
         self._send(by, _STANDING_THERE, self._place(x_m, y_m, z_m))
+
+    def turn(self, by: Controller, x_m: float, y_m: float, heading_rad: float) -> None:
+        """Tell an ArduRover, which is at a place, to stop and turn to a heading."""
+        self._send(by, _TURNING, {"yaw": self.frame.to_yaw_rad((x_m, y_m), heading_rad)})
 
     def go(self, by: Controller, target: Waypoint, at: RobotState | None) -> None:
         """Send a target with its speed limit and heading to a vehicle that heeds all three.
@@ -97,7 +105,7 @@ class Setpoints:
     def cap_speed(self, speed_m_s: float | None) -> None:
         """Limit any vehicle's speed until the next call; None stands for its top speed."""
         most_m_s = self._v_max_m_s if speed_m_s is None else min(speed_m_s, self._v_max_m_s)
-        asked_m_s = max(most_m_s - _SWINGS * self._v_max_m_s, 0.5 * most_m_s, _SLOWEST_M_S)
+        asked_m_s = max(most_m_s - _SWINGS * self._v_max_m_s, _ASKED * most_m_s, _SLOWEST_M_S)
         self._resend(mav.MAV_CMD_DO_CHANGE_SPEED, 1.0, asked_m_s, -1.0)
 
     def drive_backwards(self, backwards: bool) -> None:
@@ -126,7 +134,7 @@ class Setpoints:
         return dict(zip(("x", "y", "z"), self.frame.to_ned(x_m, y_m, z_m), strict=True))
 
     def _send(self, by: Controller, mask: int, values: dict[str, float] | None = None) -> None:
-        if values is not None:
+        if values is not None and "x" in values:
             self._sent.append((values["x"], values["y"]))
         self._vehicle.send(SENDERS[by], "SET_POSITION_TARGET_LOCAL_NED", {
             "time_boot_ms": 0, "target_system": self._vehicle.system, "target_component": AUTOPILOT,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -71,6 +72,7 @@ class Puppet(MavlinkLink):
         self.parameters: dict[str, float] = {}
         self.master = 0
         self.x_m = self.y_m = self.up_m = self.speed_m_s = 0.0
+        self.yaw_rad = 0.5 * math.pi
         self.clock_s = 1000.0
         self.percent = 80
 
@@ -125,7 +127,7 @@ class Puppet(MavlinkLink):
             system_status=self.status,
         )  # fmt: skip
         self.say("LOCAL_POSITION_NED", **stamp, x=self.y_m, y=self.x_m, z=-self.up_m, vx=self.speed_m_s, vy=0.0, vz=0.0)
-        self.say("ATTITUDE", **stamp, yaw=0.5, yawspeed=0.0)
+        self.say("ATTITUDE", **stamp, yaw=self.yaw_rad, yawspeed=0.0)
         self.say("SYS_STATUS", battery_remaining=self.percent, voltage_battery=11_000)
         self.say("ESTIMATOR_STATUS" if self.kind[1] == mav.MAV_AUTOPILOT_PX4 else "EKF_STATUS_REPORT", flags=self.ekf,
                  pos_horiz_variance=self.variance)  # fmt: skip

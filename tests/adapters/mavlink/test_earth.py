@@ -127,6 +127,7 @@ def test_a_vehicle_whose_places_are_not_those_of_the_workspace_is_not_armed(
 
 def test_a_px4_is_known_and_led_by_its_own_sphere(puppet: Puppet, tmp_path: Path) -> None:
     puppet.kind, puppet.gate = (mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_PX4), False
+    puppet.yaw_rad = 0.5
     at, origin, ekf = (47.45, 8.6), (47.4, 8.5), (47.397742, 8.545594)
     workspace = square(tmp_path, at, origin)
     puppet.place_e7 = whole(*at)
@@ -135,7 +136,7 @@ def test_a_px4_is_known_and_led_by_its_own_sphere(puppet: Puppet, tmp_path: Path
     state = robot.read_state()
     x_m, y_m = on_plane(GeoOrigin(*origin), *at)
     assert (state.x_m, state.y_m) == pytest.approx((x_m, y_m), abs=0.003)
-    # Its yaw is 0.5, and the north of the workspace is turned by the meridians' way to each other.
+    # The north of the workspace is turned by the meridians' way to each other.
     meets_rad = math.radians(0.1) * math.sin(math.radians(47.45))
     assert state.heading_rad == pytest.approx(0.5 * math.pi - 0.5 + meets_rad, abs=2e-5)
     robot.goto(Waypoint(x_m + 0.01, y_m, radius_m=0.005), Controller.SC)

@@ -16,6 +16,10 @@ from soter.sdk import Controller, GoalStatus, Waypoint
 from tests.adapters.mavlink.puppet import FAR, ROVER_HOLD, STANDS, Puppet, ready, robot_of, tick
 
 AC, SC = Controller.AC, Controller.SC
+TURNS = 0x09FF
+STANDS_THERE = 0x05F8
+GOES = 0x09F8
+GOES_ANYHOW = 0x0DF8
 
 
 # --- authority -----------------------------------------------------------------------------------------------
@@ -151,6 +155,69 @@ def test_a_cap_that_a_rover_would_refuse_is_asked_for_as_the_least_that_it_takes
     assert puppet.commands(mav.MAV_CMD_DO_CHANGE_SPEED)[-1]["param2"] == 0.05
 
 
+def test_a_slow_limit_is_asked_for_by_no_less_than_slow_vehicles_swing_beyond_it(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet, promise={"v_max_m_s": 1.0})
+    robot.goto(FAR._replace(speed_m_s=0.25), SC)
+    tick(puppet, robot, 4)
+    assert puppet.commands(mav.MAV_CMD_DO_CHANGE_SPEED)[-1]["param2"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("moves_m_s", "counts_m_s"), [(0.0, 0.25), (0.6, 0.6), (1.2, 1.0)])
+def test_a_slow_vehicle_is_sent_no_farther_than_its_lease_covers_at_its_speed(
+    puppet: Puppet, moves_m_s: float, counts_m_s: float
+) -> None:
+    puppet.gate = False
+    robot = ready(puppet, promise={"v_max_m_s": 1.0})
+    puppet.speed_m_s = moves_m_s
+    tick(puppet, robot)
+    robot.goto(FAR._replace(speed_m_s=0.25), SC)
+    promised = robot.declared
+    lease_s = promised.lease_s - 0.5 * promised.setpoint_period_s
+    covered_m = counts_m_s * lease_s + counts_m_s**2 / (2.0 * promised.brake_m_s2)
+    assert puppet.targets()[-1][1]["y"] == pytest.approx(covered_m)
+
+
+@pytest.mark.parametrize("yaw_rad", [-1.0, 3.0])
+def test_a_rover_is_turned_by_headings_no_farther_off_than_its_lease_and_then_sent_to_the_place(
+    puppet: Puppet, yaw_rad: float
+) -> None:
+    """Sent to a place it would end its turn and drive there, seconds after the lease."""
+    puppet.gate = False
+    robot = ready(puppet)
+    puppet.yaw_rad = yaw_rad
+    tick(puppet, robot)
+    puppet.sent.clear()
+    robot.goto(FAR, SC)
+    most_rad = robot.declared.yaw_rate_max_rad_s * robot.declared.lease_s
+    for _ in range(20):
+        fields = puppet.targets()[-1][1]
+        if fields["type_mask"] != TURNS:
+            break
+        step_rad = fields["yaw"] - puppet.yaw_rad
+        assert 0.0 < abs(step_rad) <= most_rad + 1e-9
+        puppet.yaw_rad += 0.5 * step_rad
+        tick(puppet, robot)
+    assert puppet.yaw_rad == pytest.approx(0.5 * math.pi, abs=0.1)
+    assert puppet.targets()[-1][1]["type_mask"] == GOES_ANYHOW
+    # A little off its course it drives on.
+    puppet.yaw_rad -= 0.15
+    tick(puppet, robot)
+    assert puppet.targets()[-1][1]["type_mask"] == GOES_ANYHOW
+
+
+def test_a_rover_that_drives_backwards_is_turned_with_its_back_to_the_place(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    tick(puppet, robot)
+    puppet.sent.clear()
+    robot.goto(FAR._replace(heading_rad=math.pi, y_m=0.0), SC)
+    assert puppet.targets()[-1][1]["type_mask"] == TURNS
+    puppet.yaw_rad = -0.5 * math.pi
+    tick(puppet, robot)
+    assert puppet.targets()[-1][1]["type_mask"] == GOES
+
+
 def test_what_it_lacks_it_refuses_without_a_gate(puppet: Puppet) -> None:
     puppet.gate = False
     robot = ready(puppet)
@@ -185,9 +252,6 @@ def test_a_rover_without_a_gate_is_told_which_way_to_drive_until_it_has_answered
 
 
 # --- copters ---------------------------------------------------------------------------------------------------
-
-STANDS_THERE = 0x05F8
-GOES = 0x09F8
 
 
 def flying(puppet: Puppet, **options: object) -> MavlinkRobot:

@@ -242,6 +242,21 @@ def test_a_velocity_is_kept_for_three_seconds() -> None:
         assert rig.speed() == 0.0
 
 
+@pytest.mark.parametrize("like", [None, "ardurover"])
+def test_a_heading_alone_turns_a_rover_in_place(like: str | None) -> None:
+    with Rig(like=like) as rig:
+        rig.run(2.5)
+        rig.guided()
+        rig.target(9.0, 5.0)
+        rig.run(1.0)
+        rig.velocity(0.0, 0.0, mask=0x09FF, yaw=-0.5 * math.pi)
+        rig.run(0.5)
+        stopped = rig.at()
+        rig.run(2.0)
+        assert abs(rig.simulation.world.truth.pose(1)[2]) == pytest.approx(math.pi, abs=0.02)
+        assert math.dist(rig.at(), stopped) <= 0.001
+
+
 def test_a_velocity_with_a_turn_rate_drives_a_circle_also_backwards() -> None:
     with Rig() as rig:
         rig.guided()
