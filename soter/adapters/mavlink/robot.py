@@ -300,7 +300,8 @@ class MavlinkRobot(Robot):
         if not self._sampler.flies:
             # A rover acts on a target half a period late on average, and brakes harder and later than it promises.
             left_s = max(left_s - 0.5 * promised.setpoint_period_s, 0.0)
-        # A slow vehicle would take long to a place as far ahead as a fast one may be sent, however dead the lease is.
+        # A slow vehicle would take long to a place as far ahead as a fast one may be sent, however dead the lease is;
+        # this far it takes as long as a fast one.
         cap_m_s = promised.v_max_m_s if target.speed_m_s is None else target.speed_m_s
         fastest_m_s = min(max(cap_m_s, math.hypot(at.vx_m_s, at.vy_m_s)), promised.v_max_m_s)
         if self._reverses:
@@ -314,7 +315,8 @@ class MavlinkRobot(Robot):
             if heading_rad is not None:
                 self._setpoints.turn(self._charge, at.x_m, at.y_m, heading_rad)
                 return
-        place = way.ahead(at, reach_m(fastest_m_s, promised.brake_m_s2, left_s))
+        ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s) * fastest_m_s / promised.v_max_m_s
+        place = way.ahead(at, ahead_m)
         self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
         # ArduCopter forgets its limit with the first place after a velocity, ArduRover refuses one before it.
         self._setpoints.cap_speed(target.speed_m_s)

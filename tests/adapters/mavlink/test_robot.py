@@ -164,7 +164,7 @@ def test_a_slow_limit_is_asked_for_by_no_less_than_slow_vehicles_swing_beyond_it
 
 
 @pytest.mark.parametrize(("moves_m_s", "counts_m_s"), [(0.0, 0.25), (0.6, 0.6), (1.2, 1.0)])
-def test_a_slow_vehicle_is_sent_no_farther_than_its_lease_covers_at_its_speed(
+def test_a_slow_vehicle_is_sent_no_farther_than_it_drives_in_the_time_of_a_fast_one(
     puppet: Puppet, moves_m_s: float, counts_m_s: float
 ) -> None:
     puppet.gate = False
@@ -174,7 +174,7 @@ def test_a_slow_vehicle_is_sent_no_farther_than_its_lease_covers_at_its_speed(
     robot.goto(FAR._replace(speed_m_s=0.25), SC)
     promised = robot.declared
     lease_s = promised.lease_s - 0.5 * promised.setpoint_period_s
-    covered_m = counts_m_s * lease_s + counts_m_s**2 / (2.0 * promised.brake_m_s2)
+    covered_m = counts_m_s * (lease_s + 1.0 / (2.0 * promised.brake_m_s2))
     assert puppet.targets()[-1][1]["y"] == pytest.approx(covered_m)
 
 

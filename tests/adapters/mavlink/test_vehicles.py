@@ -302,7 +302,7 @@ def test_a_vehicle_without_a_gate_goes_on_when_its_link_is_back(stack: ExitStack
     assert tick(fleet, lambda: goal.status is GoalStatus.REACHED)
 
 
-def test_a_rover_without_a_lease_ends_its_turn_and_stays_where_the_lease_lets_it(stack: ExitStack) -> None:
+def test_a_rover_without_a_lease_that_hears_nothing_more_while_it_turns_stays_where_it_is(stack: ExitStack) -> None:
     harness = PlainHarness()
     stack.callback(harness.close)
     fleet = stack.enter_context(harness.open(1))
@@ -313,14 +313,17 @@ def test_a_rover_without_a_lease_ends_its_turn_and_stays_where_the_lease_lets_it
     x_m, y_m, heading_rad = really(fleet)
     robot.goto(Waypoint(x_m - math.cos(heading_rad), y_m - math.sin(heading_rad)), SC)
     assert tick(fleet, lambda: abs(math.remainder(really(fleet)[2] - heading_rad, math.tau)) > 0.4)
-    turned_s = math.pi / robot.capabilities.yaw_rate_max_rad_s
+    caps, heard_rad = robot.capabilities, really(fleet)[2]
+    turned_s = math.pi / caps.yaw_rate_max_rad_s
     fleet.clock.sleep_until(fleet.clock.now() + turned_s + 1.0)
     rest = really(fleet)
     fleet.clock.sleep_until(fleet.clock.now() + 0.3)
-    assert really(fleet) == rest
-    caps = robot.capabilities
-    reach_m = caps.v_max_m_s * caps.lease_s + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
-    assert 0.0 < math.dist(rest[:2], (x_m, y_m)) <= reach_m + caps.overshoot_m
+    assert really(fleet) == pytest.approx(rest, abs=1e-3)
+    assert rest[:2] == pytest.approx((x_m, y_m), abs=1e-3)
+    # It turns no further than within its lease.
+    assert abs(math.remainder(rest[2] - heard_rad, math.tau)) <= caps.yaw_rate_max_rad_s * (
+        caps.lease_s + caps.latency_s
+    )
 
 
 @BACKENDS
