@@ -56,7 +56,7 @@ def ablate(
     force_ill_formed: Annotated[
         bool, switch("--force-ill-formed", "Run ill-formed variants too; simulated robots only.")
     ] = False,
-    json: Annotated[Path | None, option("FILE", "Write every outcome; - is standard output.", "--json")] = None,
+    json: Annotated[Path | None, option("FILE", "Write every outcome; - is standard output.")] = None,
     markdown: Annotated[Path | None, option("FILE", "Write the tables as a page.")] = None,
     settings: Settings = None,
     force: Force = False,

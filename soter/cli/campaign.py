@@ -247,7 +247,7 @@ def _sum_up(campaign: Campaign, store: Store, console: Console) -> int:
 @campaign.command("run-again", epilog=AGAIN_EXAMPLES)
 def run_again(
     run: Annotated[str, typer.Argument(metavar="ID", help="Which run: its id, or the beginning of it.")],
-    store: Annotated[Path, option("FILE.sqlite", "The store of its campaign.", "--store")],
+    store: Annotated[Path, option("FILE.sqlite", "The store of its campaign.")],
     record: Annotated[Path | None, option("FILE.mcap", "Record it.")] = None,
     force: Force = False,
 ) -> None:

@@ -62,7 +62,7 @@ def check(
     ] = False,
     counterexample: Annotated[Path | None, option("FILE", "Write the first counterexample, to be replayed.")] = None,
     replay: Annotated[Path | None, option("FILE", "Run a counterexample again, and say where it breaks.")] = None,
-    json: Annotated[Path | None, option("FILE", "Write the findings; - is standard output.", "--json")] = None,
+    json: Annotated[Path | None, option("FILE", "Write the findings; - is standard output.")] = None,
     picture: Annotated[Path | None, option("FILE.png", "Draw the first counterexample.")] = None,
     force: Force = False,
 ) -> None:

@@ -61,9 +61,9 @@ def conform(
         ),
     ] = None,
     json: Annotated[
-        Path | None, option("FILE", "Write the record, anew with every clause; - is standard output.", "--json")
+        Path | None, option("FILE", "Write the record, anew with every clause; - is standard output.")
     ] = None,
-    junit: Annotated[Path | None, option("FILE", "Write JUnit XML; - is standard output.", "--junit")] = None,
+    junit: Annotated[Path | None, option("FILE", "Write JUnit XML; - is standard output.")] = None,
     force: Force = False,
     list_clauses: Annotated[bool, switch("--list", "List the clauses and exit.")] = False,
 ) -> None:

@@ -39,7 +39,7 @@ def download(
     output: Annotated[
         Path | None, option("FILE", "Write the mission with these places to visit, as a new file.", "--output", "-o")
     ] = None,
-    json: Annotated[Path | None, option("FILE", "Write what was read; - is standard output.", "--json")] = None,
+    json: Annotated[Path | None, option("FILE", "Write what was read; - is standard output.")] = None,
     force: Force = False,
 ) -> None:
     """Read the missions that vehicles hold, such as a .plan that a ground station has sent them. Nothing moves.

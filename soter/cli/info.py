@@ -30,7 +30,7 @@ Exit codes:
 def info(
     recording: RecordingArgument,
     json: Annotated[bool, switch("--json", "Print it as JSON.")] = False,
-    csv: Annotated[Path | None, option("FOLDER", "Write everything into CSV files there.", "--csv")] = None,
+    csv: Annotated[Path | None, option("FOLDER", "Write everything into CSV files there.")] = None,
     force: Force = False,
 ) -> None:
     """Say what a recording holds."""

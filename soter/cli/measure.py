@@ -39,7 +39,7 @@ def measure(
     settings: Settings = None,
     margin: Annotated[float, option("SHARE", "What is spared of each figure.", min=0.0, max=0.9)] = 0.2,
     output: Annotated[Path | None, option("FILE", "Write the promise table, as TOML.", "--output", "-o")] = None,
-    json: Annotated[Path | None, option("FILE", "Write all figures; - is standard output.", "--json")] = None,
+    json: Annotated[Path | None, option("FILE", "Write all figures; - is standard output.")] = None,
     force: Force = False,
 ) -> None:
     """Drive one robot about a free circle, and say what it may promise: latency, speed, brake, tube, noise and more.

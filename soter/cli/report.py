@@ -41,9 +41,9 @@ def report(
             "-o",
         ),
     ] = None,
-    png: Annotated[Path | None, option("FILE.png", "Draw the run.", "--png")] = None,
-    gif: Annotated[Path | None, option("FILE.gif", "Draw the run as a film.", "--gif")] = None,
-    mp4: Annotated[Path | None, option("FILE.mp4", "The same, smoother and smaller; it needs PyAV.", "--mp4")] = None,
+    png: Annotated[Path | None, option("FILE.png", "Draw the run.")] = None,
+    gif: Annotated[Path | None, option("FILE.gif", "Draw the run as a film.")] = None,
+    mp4: Annotated[Path | None, option("FILE.mp4", "The same, smoother and smaller; it needs PyAV.")] = None,
     film: Annotated[
         float,
         option(
@@ -53,10 +53,8 @@ def report(
             max=3600.0,
         ),
     ] = 60.0,
-    still: Annotated[
-        Path | None, option("FILE.png", "Show the world in three dimensions; it needs PyBullet.", "--still")
-    ] = None,
-    at: Annotated[float | None, option("SECONDS", "The moment of --still; else the end.", "--at", min=0.0)] = None,
+    still: Annotated[Path | None, option("FILE.png", "Show the world in three dimensions; it needs PyBullet.")] = None,
+    at: Annotated[float | None, option("SECONDS", "The moment of --still; else the end.", min=0.0)] = None,
     force: Force = False,
 ) -> None:
     """Make a page of a recording that plays it in any browser, without a network."""

@@ -85,7 +85,7 @@ def run(
     modules: Annotated[
         str | None, option("A,B", "Only these safety modules, separated by commas.", autocompletion=complete.modules)
     ] = None,
-    json: Annotated[Path | None, option("FILE", "Write the result; - is standard output.", "--json")] = None,
+    json: Annotated[Path | None, option("FILE", "Write the result; - is standard output.")] = None,
     picture: Annotated[Path | None, option("FILE.png", "Draw the run.")] = None,
     record: Annotated[
         Path | None, option("FILE.mcap", "Record the run there instead of into a new file in runs/.")

@@ -35,7 +35,7 @@ def tune(
         Path | None, option("FILE", "Write the whole mission with what was found, as a new file.", "--output", "-o")
     ] = None,
     force: Force = False,
-    json: Annotated[Path | None, option("FILE", "Write what was found; - is standard output.", "--json")] = None,
+    json: Annotated[Path | None, option("FILE", "Write what was found; - is standard output.")] = None,
 ) -> None:
     """Find the least restrictive numbers of the safety modules that are well-formed on the mission's robots.
 

@@ -36,7 +36,7 @@ def workspace(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="A workspace: .xml, .toml, .geojson, .plan, .kml or a map's .yaml.")
     ],
-    to: Annotated[Path | None, option("FILE", "Write it as .toml, in metres, or as .geojson.", "--to")] = None,
+    to: Annotated[Path | None, option("FILE", "Write it as .toml, in metres, or as .geojson.")] = None,
     picture: Annotated[Path | None, option("FILE.png", "Draw it.")] = None,
     json: Annotated[bool, switch("--json", "Print what was found as JSON.")] = False,
     radius: Annotated[float, option("METRES", "Radius of the robots' bodies.", min=0.0)] = 0.105,
