@@ -13,10 +13,11 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         "a target straight behind with the present heading is driven to without turning",
     ),
     "reports_battery": (
-        ("capabilities.optional", "state.charge", "truth.state.charge"),
+        ("capabilities.optional", "state.charge", "truth.state.charge", "state.full", "state.emptying"),
         (
-            "samples carry a charge, or none; it falls while the robot drives, rises on the charger, never jumps, and "
-            "is the true one to a hundredth where a truth tells it"
+            "samples carry a charge, or none; it falls while the robot drives, from one sample to the next by no more "
+            "than that explains, rises on the charger, and is the true one to a hundredth, from full to empty, where a "
+            "truth tells it"
         ),
     ),
     "reports_controller": (
@@ -65,7 +66,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     ),
     "jitter_s": (
         ("bounds.jitter",),
-        "200 wakes: 95 % within it, 99 % within twice of it; in process 1000, all of them",
+        "200 wakes at moments of all kinds: none early, 95 % within it, 99 % within twice of it; in process 1000, all",
     ),
     "setpoint_period_s": (
         ("bounds.latency",),

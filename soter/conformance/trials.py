@@ -19,7 +19,9 @@ _END: Final = 0.85
 _BACK: Final = 0.3
 _ENOUGH: Final = 3
 _TURNS_AT: Final = 0.8
-_GOLDEN: Final = 0.618
+GOLDEN: Final = 0.618
+"""Multiples of this, without their whole parts, are spread evenly, however many there are."""
+
 _REST_S: Final = 0.25
 _LONGEST_REST_S: Final = 4.0
 _SHARE_IN_PROCESS: Final = 0.02
@@ -229,5 +231,5 @@ class Shuttle:
         if bench.caps.in_process:
             return
         self._number += 1
-        bench.fleet.clock.sleep_until(bench.now_s + (self._number * _GOLDEN % 1.0) * TICK_S)
+        bench.fleet.clock.sleep_until(bench.now_s + (self._number * GOLDEN % 1.0) * TICK_S)
         bench.look(self._robot)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any, Final
 
+from soter.adapters.pybullet.backend import PERIOD_S
+from soter.clock import VirtualClock
 from soter.sdk import Controller, Goal, RobotState, Waypoint
 from tests.broken.afterwards import State
 from tests.broken.edits import driven, edited, sampled, targeted, wired
@@ -25,6 +27,7 @@ _DEAD_M_S: Final = 0.03
 _OUTAGE_S: Final = 0.5
 _HOLDS_BACK_S: Final = 3.0
 _EVERY_S: Final = 0.4
+_ROUNDING: Final = 1e-6
 
 
 def _tells_caps_that_change(robot: Any, goal: Goal) -> None:
@@ -138,6 +141,27 @@ def _more_than_full(robot: Any, state: RobotState) -> RobotState:
     return state._replace(battery=1.01) if was_low[0] and state.battery == 1.0 else state
 
 
+def _of_a_curve(_: Any, state: RobotState) -> RobotState:
+    """Make a turn rate of the curve and of a speed that has lost its sign."""
+    ahead_m_s = state.vx_m_s * math.cos(state.heading_rad) + state.vy_m_s * math.sin(state.heading_rad)
+    return state if ahead_m_s >= 0.0 else state._replace(yaw_rate_rad_s=-state.yaw_rate_rad_s)
+
+
+def _in_percents(_: Any, state: RobotState) -> RobotState:
+    return state._replace(battery=math.floor(100.0 * (state.battery or 0.0)) / 100.0)
+
+
+def _full_from(state: RobotState) -> RobotState:
+    return state._replace(battery=1.0) if (state.battery or 0.0) >= _LOW else state
+
+
+class _ByPeriods(VirtualClock):
+    """Wakes at the last whole period before the time asked for."""
+
+    def sleep_until(self, time_s: float) -> None:
+        super().sleep_until(math.floor(time_s / PERIOD_S + _ROUNDING) * PERIOD_S)
+
+
 def _sleeps(self: Any, *state: float) -> tuple[float, float]:
     return _asleep_after(90.0)(self, state, *Vehicle.control(self, *state))
 
@@ -184,6 +208,15 @@ def _restores(self: Any, **changes: Any) -> None:
     self.down.__dict__.pop("send", None)
 
 
+def _keeps_its_charge(self: Any) -> RobotState | None:
+    """Hear of everything but the charge once the link was silent for half a second."""
+    before, kept, now_s = self.latest, memory(self, "charge", lambda: [None]), self.clock.now()
+    if before is not None and now_s - before.stamp_s > _OUTAGE_S and kept[0] is None:
+        kept[0] = before.battery
+    state = WireRobot._sample(self)
+    return state if state is None or kept[0] is None else state._replace(battery=kept[0])
+
+
 FIELD: Final[tuple[type[Broken], ...]] = (
     edited("CapsThatChange", "Sends a speed cap if it has changed, and the vehicle forgets it at each hand-over.",
            "goto.speed_cap", "what has changed only", _send_goto=_tells_caps_that_change, _hand_over=_forgets_its_cap),
@@ -212,6 +245,16 @@ FIELD: Final[tuple[type[Broken], ...]] = (
             _none_for_little),
     edited("SpinningWheels", "Counts the way of wheels that spin while something stands in its way.",
            "truth.bounds.body", "wheels that spin", _connect=with_control(_spins), _sample=_with_what_it_spun),
+    sampled("RateOfACurve", "Says turn rates with the wrong sign while it drives backwards.", "state.backwards",
+            "a curve and a speed", _of_a_curve),
+    sampled("ChargeInPercents", "Says the charge in whole percents, rounded down.", "state.charge", "whole percents",
+            _in_percents),
+    sampled("FullFromSomeCharge", "Says that its battery is full from 95 % up, as it is charged.", "state.full",
+            "full from some charge on", lambda _, state: _full_from(state)),
+    sampled("FullToSomeCharge", "Says that its battery is full down to 95 %, as it runs down.", "state.emptying",
+            "full from some charge on", lambda _, state: _full_from(state)),
+    edited("WakesByPeriods", "Has a clock that wakes at the last whole period before the time asked for.",
+           "bounds.jitter", "multiples of some period", clock_class=_ByPeriods),
     sampled("MoreThanFull", "Says a charge of 101 % once it is full.", "state.full", "101 %", _more_than_full),
 )  # fmt: skip
 
@@ -226,6 +269,8 @@ FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           "undone by what is restored", want=_restores),
     wired("TellsTheNewest", "Says how it is to the program that connected last.", "authority.one_program",
           "who spoke last", __init__=_tells_the_newest),
+    wired("HearsItsChargeNoMore", "Hears everything but the charge once the link is back.", "link.no_success",
+          "what tells the charge did not", _sample=_keeps_its_charge),
     wired("RenewsWhileItDrives", "Renews no lease while no goal is under way.", "authority.one_program",
           "with no goal under way", _renew_lease=_renews_while_it_drives),
 )  # fmt: skip

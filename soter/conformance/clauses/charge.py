@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from itertools import cycle, pairwise
+from typing import Final
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
@@ -69,6 +70,7 @@ def charge(bench: Bench) -> None:
     )  # fmt: skip
     shuttle.goal.cancel()
     _never_jumps(bench, robot)
+    _falls_evenly(bench, robot)
     if not bench.harness.charges_at_start:
         return
     bench.go(robot, bench.place(robot, 0.0, radius_m=bench.near_m))
@@ -91,6 +93,23 @@ def _never_jumps(bench: Bench, robot: Robot) -> None:
             f"within {passed_s:.2f} s the charge went from {_charge(first.state):.3f} to {_charge(second.state):.3f}: "
             "it is a voltage or a guess, such as full as soon as it is being charged, and not what is left",
         )
+
+
+def _falls_evenly(bench: Bench, robot: Robot) -> None:
+    """Fail the clause if between two samples the charge fell by more than decision modules hold for possible (A8)."""
+    caps, full_s, worst, by = bench.caps, robot.spec.drive_s, 0.0, 0.0
+    for first, second in pairwise(bench.tracks[robot.id]):
+        falls = _charge(first.state) - _charge(second.state)
+        excess = falls - (second.at_s - first.at_s) / full_s
+        worst, by = max((worst, by), (excess, falls))
+    # The places between which it drove are off by the noise; on a wire stamps may be corrected in between.
+    late_s = 0.0 if caps.in_process else caps.jitter_s
+    bench.measure(
+        "charge_step", worst, 2.0 * caps.position_noise_m / (caps.v_max_m_s * full_s), 1e-6 + late_s / full_s,
+        f"from one sample to the next the charge fell by {by:.4f}, and while a robot drives it falls by far less: it "
+        "comes in steps, such as whole percents, each of which is taken for a battery that breaks its promise (A8); "
+        "let it sink to a lower one no faster than while it drives",
+    )  # fmt: skip
 
 
 @clause("truth.state.charge", tier=Tier.TRUTH, needs=("reports_battery",))
@@ -146,7 +165,7 @@ def nearly_flat(bench: Bench) -> None:
 
 @clause("state.full", needs=("reports_battery",))
 def full(bench: Bench) -> None:
-    """While a battery becomes full at its charger and stays so, samples keep coming, of a charge of no more than 1."""
+    """While a battery becomes full at its charger and stays so, samples keep coming, of its true charge."""
     bench.require_hook("charged")
     if not bench.harness.charges_at_start:
         raise NotTested("not declared: the harness's attribute 'charges_at_start'")
@@ -159,7 +178,9 @@ def full(bench: Bench) -> None:
         return charges.get(robot.id, 0.0) >= 1.0
 
     # Without a truth that says when the battery is full, the time that simulated ones take is known.
-    bench.run(lasts_s, is_full)
+    compare = _Compared(bench, robot, "while it is being charged")
+    bench.run(lasts_s, lambda: compare.look() or is_full())
+    compare.judge()
     bench.run(_FULL_S)
     state = robot.read_state()
     bench.require(
@@ -176,7 +197,7 @@ def full(bench: Bench) -> None:
 
 @clause("state.emptying", needs=("reports_battery",))
 def emptying(bench: Bench) -> None:
-    """While its battery runs down from full a robot gets going and stops as soon as ever, at every charge."""
+    """While its battery runs down from full a robot says so, and gets going and stops as soon as ever."""
     bench.require_hook("charged")
     late, tried = _late_at(bench, 1.0, _PERCENT)
     bench.require(
@@ -204,8 +225,10 @@ def _late_at(bench: Bench, full: float, least: float) -> tuple[list[float], int]
     track, late, tried = bench.tracks[robot.id], [], 0
     ends = cycle((bench.place(robot, 0.9), bench.place(robot, -0.9)))
     end, until_s = next(ends), bench.now_s + _TWICE * (full - least) * _EMPTIES_S
+    compare = _Compared(bench, robot, "while its battery runs down")
 
     def rests() -> bool:
+        compare.look()
         return caps.rests(track[-1].state)
 
     while (left := _charge(bench.look(robot).state)) > least and bench.now_s < until_s:
@@ -218,6 +241,7 @@ def _late_at(bench: Bench, full: float, least: float) -> tuple[list[float], int]
         if not (bench.run(ends_s, rests) and begins):
             late.append(left)
             bench.run(ends_s, rests)
+    compare.judge()
     bench.close()
     return late, tried
 
@@ -244,6 +268,36 @@ def _compare_charges(bench: Bench, robot: Robot, truth: Truth | None, done: str,
         f"after it has {done} the charge is said to be {said:.3f}, and is {left:.3f}: another unit or zero, a voltage, "
         "an old value, a rounded one, or something that is not counted",
     )  # fmt: skip
+
+
+class _Compared:
+    """Compares each charge that a robot reports with the true one, where the truth tells charges."""
+
+    def __init__(self, bench: Bench, robot: Robot, when: str) -> None:
+        self._bench: Final = bench
+        self._robot: Final = robot
+        self._when: Final = when
+        self._worst = 0.0, 0.0, 0.0
+
+    def look(self) -> bool:
+        """Compare the sample that was read last; return False, to go on."""
+        bench, robot = self._bench, self._robot
+        charges = {} if bench.fleet.truth is None else bench.fleet.truth.report().charges
+        if robot.id in charges:
+            left, said = charges[robot.id], _charge(bench.tracks[robot.id][-1].state)
+            self._worst = max(self._worst, (abs(said - left), said, left))
+        return False
+
+    def judge(self) -> None:
+        """Fail the clause if a charge was more than a hundredth off."""
+        bench, spec, (off, said, left) = self._bench, self._robot.spec, self._worst
+        # On a wire a reported charge may be as old as the interval between its messages.
+        changes = 0.0 if bench.caps.in_process else _SELDOM_S / min(spec.charge_s, spec.drive_s)
+        bench.measure(
+            "charge_off", off, _PERCENT, 1e-3 + changes,
+            f"{self._when} the charge was said to be {said:.3f}, and was {left:.3f}: a scale that is bent at an end, "
+            "such as one that says full from some charge on, or one that is smoothed or old",
+        )  # fmt: skip
 
 
 def _charge(state: RobotState) -> float:

@@ -8,7 +8,7 @@ from statistics import median
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
-from soter.conformance.driver import TICK_S
+from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.track import quantile
 from soter.errors import RobotUnavailable, Uncontrolled
 from soter.sdk import Controller, GoalStatus, Link, Robot
@@ -25,6 +25,7 @@ _LATER_S = 5.0
 _SWITCHES = 8
 _SWITCH_S = 0.6
 _MOST = 0.7
+_CHARGES = 0.025
 
 
 def _arrives(bench: Bench, robot: Robot, fault: str) -> None:
@@ -76,7 +77,7 @@ def age(bench: Bench) -> None:
 
 @clause("link.no_success", tier=Tier.WIRE, hooks=("cut",))
 def no_success(bench: Bench) -> None:
-    """No goal is REACHED while the link is cut, and after a long cut the robot is heard and obeys again."""
+    """No goal is REACHED while the link is cut, and after a long cut all of the robot is heard, and it obeys again."""
     robot = bench.open_one()
     goal = bench.get_going(robot, bench.place(robot, 0.9, timeout_s=bench.way_s() + 5.0))
     _cut(bench, robot)
@@ -98,6 +99,23 @@ def no_success(bench: Bench) -> None:
         robot, bench.place(robot, -0.2, 0.3),
         cause=f"after a silence of {silent_s:.0f} s samples came back, but the way to the robot did not",
     )  # fmt: skip
+    _charges_as_before(bench, robot)
+
+
+def _charges_as_before(bench: Bench, robot: Robot) -> None:
+    """Judge whether the charge, which may have a message of its own, is heard anew as well once the link is back."""
+    if not (bench.caps.reports_battery and bench.harness.charges_at_start):
+        return
+    bench.go(robot, bench.place(robot, 0.0, radius_m=bench.near_m))
+    low = robot.read_state().battery or 0.0
+    bench.require(
+        bench.run(
+            _RETURNS_S + _CHARGES * robot.spec.charge_s,
+            lambda: (robot.read_state().battery or 0.0) > low + ROUNDING,
+        ),
+        f"since the link is back the charge stays at {low:.3f} although the robot is on its charger: the rest of a "
+        "sample came back with the link, and what tells the charge did not",
+    )
 
 
 @clause("link.stops", tier=Tier.WIRE, hooks=("cut",))

@@ -31,6 +31,7 @@ _VELOCITY = 0.05
 _TURNED_RAD = 0.01
 _ROUND_RAD = 0.6
 _STOPS, _STOP_OFF_M = 2, 2e-4
+_ASIDE, _EVEN, _STEERS_S = 0.12, 0.7, 1.5
 _CREEPS, _CREEPS_S = 0.1, 3.0
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
 
@@ -273,7 +274,7 @@ def _stretches(legs: list[tuple[TrackSample, TrackSample]]) -> list[list[tuple[T
 
 @clause("state.backwards", truth=True, needs=("reverses",))
 def backwards(bench: Bench) -> None:
-    """A robot that can reverse does so where that arrives with the heading, and its samples say backwards."""
+    """A robot that can reverse does so where that arrives with the heading, and its samples say so, steering too."""
     robot = bench.open_one()
     began = bench.look(robot)
     try:
@@ -297,6 +298,33 @@ def backwards(bench: Bench) -> None:
         )
     if not bench.truth:
         moves_as_said(bench, bench.tracks[robot.id])
+    _steers_backwards_as_said(bench, robot)
+
+
+def _steers_backwards_as_said(bench: Bench, robot: Robot) -> None:
+    """Judge whether yaw rates match the change of heading of a robot that steers while it reverses."""
+    heading_rad = bench.home(robot)[2]
+    for name, left in (("right", _ASIDE), ("left", -_ASIDE)):
+        bench.go(robot, bench.place(robot, 0.7))
+        bench.run(SETTLE_S)
+        bench.get_going(robot, bench.place(robot, -0.8)._replace(heading_rad=heading_rad))
+        bench.run(CRUISE_S)
+        began_s = bench.now_s
+        goal = robot.goto(bench.place(robot, -0.8, left)._replace(heading_rad=heading_rad), Controller.AC)
+        # A robot that comes to rest before it turns does not steer.
+        bench.run(_STEERS_S, lambda: bench.tracks[robot.id][-1].speed_m_s < _EVEN * bench.caps.v_max_m_s)
+        goal.cancel()
+        bench.run(SETTLE_S)
+        seen = [each for each in bench.since(robot, began_s) if each.speed_m_s > _EVEN * bench.caps.v_max_m_s]
+        turned = sum(turn(a.heading_rad, b.heading_rad) for a, b in pairwise(seen))
+        said = sum(
+            (a.state.yaw_rate_rad_s + b.state.yaw_rate_rad_s) / 2.0 * (b.at_s - a.at_s) for a, b in pairwise(seen)
+        )
+        bench.require(
+            abs(turned - said) <= 0.1 * abs(turned) + 2.0 * STILL_RAD + 2.0 * bench.noise_rad,
+            f"as it drove backwards, and steered to its {name}, its heading turned by {turned:.2f} rad, and yaw rates "
+            f"add up to {said:.2f} rad: the sign of a rate that is made of a curve and a speed, which is negative here",
+        )
 
 
 @clause("state.yaw_rate", truth=True)
