@@ -15,7 +15,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 """The optional methods of a harness. One that a subclass does not override is not given."""
 
 EXTRA_HOOKS: Final = (
-    "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall",
+    "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -77,6 +77,18 @@ class Switchable(NamedTuple):
     fleet: Fleet
     off: Callable[[], object]
     on: Callable[[], object]
+
+
+class Killable(NamedTuple):
+    """A simulated robot that the backend has started itself.
+
+    Attributes:
+        fleet: what the backend opened without being given a robot.
+        kill: ends the program that simulates the robot, without a warning.
+    """
+
+    fleet: Fleet
+    kill: Callable[[], object]
 
 
 class Harness(ABC):
@@ -228,6 +240,13 @@ class Harness(ABC):
 
     def switchable(self) -> Switchable:
         """Return a fleet of one fresh robot without a relay, and the calls that switch its program off and on."""
+        raise NotImplementedError
+
+    def killable(self) -> Killable:
+        """Return a fleet of one simulated robot that the backend starts itself, and the call that kills its program.
+
+        It is what missions get that name no address of a robot.
+        """
         raise NotImplementedError
 
     def stall(self, robot_id: int, seconds: float) -> None:

@@ -9,7 +9,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
-from soter.conformance.harness import LIMITS, Switchable
+from soter.conformance.harness import LIMITS, Killable, Switchable
 from soter.conformance.relayed import WIDE_ROOMS, Relay, RelayedHarness, in_wide_rooms
 from soter.sdk import Fleet, RobotSpec, RuleLimits, Waypoint
 from soter.sdk.wire import Simulator, WireBackend
@@ -80,6 +80,13 @@ class WireHarness(RelayedHarness):
         robots = self._start(1).robots
         self.fleet = _open(self.backend, robots, None, self.asked(1))
         return Switchable(self.fleet, self._end, lambda: self._begin_anew(robots))
+
+    def killable(self) -> Killable:
+        """Return a fleet of one robot that the backend simulates itself, and the call that kills its program."""
+        config = self.backend.config_model(workspace=WIDE_ROOMS, limits=self.limits)
+        self.fleet = fleet = self.backend().open(config, self.specs(1))
+        assert isinstance(fleet.simulator, Simulator)
+        return Killable(fleet, fleet.simulator.process.kill)
 
     def _begin_anew(self, robots: Mapping[int, Any]) -> None:
         self._watch(Simulator(self.backend.simulated_by, WIDE_ROOMS, self.specs(1), self.limits, at=robots))

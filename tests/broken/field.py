@@ -271,6 +271,10 @@ FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           "who spoke last", __init__=_tells_the_newest),
     wired("HearsItsChargeNoMore", "Hears everything but the charge once the link is back.", "link.no_success",
           "what tells the charge did not", _sample=_keeps_its_charge),
+    wired("LosesNothing", "Has a fleet that never says that the program which simulates its robot has ended.",
+          "process.lost", "told nothing", fleet_says_lost=False),
+    wired("TruthNeverEnds", "Has a truth that goes on when the simulated world has ended.", "process.lost",
+          "silence is taken for a run", truth_says_ended=False),
     wired("RenewsWhileItDrives", "Renews no lease while no goal is under way.", "authority.one_program",
           "with no goal under way", _renew_lease=_renews_while_it_drives),
 )  # fmt: skip

@@ -14,12 +14,12 @@ from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock, VehicleClock, VirtualClock
 from soter.conformance import Harness
 from soter.conformance.find import open_floor
-from soter.conformance.harness import FOR_EVER_S, LEG_M, Switchable
+from soter.conformance.harness import FOR_EVER_S, LEG_M, Killable, Switchable
 from soter.conformance.harness import LIMITS as JUDGED_BY
 from soter.errors import RobotUnavailable
 from soter.onboard.drive import Drive, DriveLimits
 from soter.onboard.mux import Mux
-from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotSpec, RobotState
+from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotSpec, RobotState, TruthReport
 from soter_sim import LIMITS, World
 from soter_sim.bodies import built
 from soter_sim.kinematic import KinematicEngine
@@ -207,6 +207,9 @@ class WireRobot(Robot):
     )  # fmt: skip
     vehicle_class: ClassVar[type[Vehicle]] = Vehicle
     clock_class: ClassVar[type[WireClock]] = WireClock
+    # What is wrong with some is that nothing says when the program that simulates a robot has ended.
+    fleet_says_lost: ClassVar[bool] = True
+    truth_says_ended: ClassVar[bool] = True
 
     def __init__(self, spec: RobotSpec, clock: VirtualClock, vehicle: Vehicle) -> None:
         super().__init__(spec, clock)
@@ -283,7 +286,10 @@ class Moving:
     def __init__(self, world: World, clock: Clock) -> None:
         self.world = world
         self.clock = clock
-        self.report = world.truth.report
+        self.ended_s: float | None = None
+
+    def report(self) -> TruthReport:
+        return replace(self.world.truth.report(), ended_s=self.ended_s)
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:
         world, index = self.world, self.world.index(robot_id)
@@ -300,6 +306,10 @@ class Moving:
 
 class WireFleet(Fleet):
     """One program's robots; the world is its harness's."""
+
+    def lost(self) -> str:
+        gone = any(isinstance(each, WireRobot) and each.faults.gone and each.fleet_says_lost for each in self.robots)
+        return "the robot's program has ended" if gone else ""
 
     def _close(self) -> None:
         pass
@@ -349,6 +359,17 @@ class WireHarness(Harness):
             world.set_control(vehicle.id, vehicle.control)
 
         return Switchable(fleet, off, on)
+
+    def killable(self) -> Killable:
+        fleet, off, _ = self.switchable()
+        truth = fleet.truth
+        assert isinstance(truth, Moving)
+
+        def kill() -> None:
+            off()
+            truth.ended_s = self.clock.now() if self.kind.truth_says_ended else None
+
+        return Killable(fleet, kill)
 
     def _opened(self, specs: list[RobotSpec]) -> Fleet:
         engine = partial(KinematicEngine, step_s=PERIOD_S)

@@ -18,7 +18,7 @@ from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
 from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
 from soter.adapters.ros2.simulator import Domain, Ros2Simulator
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
-from soter.conformance.harness import LIMITS, Switchable
+from soter.conformance.harness import LIMITS, Killable, Switchable
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import Fleet, RobotSpec, Waypoint
@@ -108,6 +108,12 @@ class Ros2Harness(RelayedHarness):
         self._held = domain = Domain()
         self.fleet = _fleet(domain.id, None, "", self._start(1, domain.id).namespaces, self.asked(1))
         return Switchable(self.fleet, self._end, lambda: self._start(1, domain.id))
+
+    def killable(self) -> Killable:
+        """Return a fleet of one robot that the backend simulates itself, and the call that kills its base."""
+        self.fleet = fleet = Ros2Backend().open(Ros2Config(workspace=WIDE_ROOMS, limits=LIMITS), self.specs(1))
+        assert isinstance(fleet.simulator, Ros2Simulator)
+        return Killable(fleet, fleet.simulator.world.kill)
 
     def close(self) -> None:
         super().close()

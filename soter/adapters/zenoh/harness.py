@@ -17,7 +17,7 @@ from soter.adapters.zenoh.session import SessionOptions, close_session, endpoint
 from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Listener, Voice
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
-from soter.conformance.harness import LIMITS, Switchable
+from soter.conformance.harness import LIMITS, Killable, Switchable
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.sdk import Fleet, Waypoint, program
 
@@ -102,6 +102,12 @@ class ZenohHarness(RelayedHarness):
         config = _config(self.beside(session), None, simulator.namespaces)
         self.fleet = ZenohBackend().open(config, self.asked(1))
         return Switchable(self.fleet, self._end, lambda: self._start(1, again))
+
+    def killable(self) -> Killable:
+        """Return a fleet of one robot that the backend simulates itself, and the call that kills its base."""
+        self.fleet = fleet = ZenohBackend().open(ZenohConfig(workspace=WIDE_ROOMS, limits=LIMITS), self.specs(1))
+        assert isinstance(fleet.simulator, ZenohSimulator)
+        return Killable(fleet, fleet.simulator.world.kill)
 
     def of_robots(self) -> SessionOptions:
         """Return the session options of the simulated world."""

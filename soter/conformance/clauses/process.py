@@ -15,6 +15,7 @@ from soter.sdk import Waypoint
 _HOOKS = ("start_driver", "observe")
 _UP_S = 30.0
 _LOOK_S = 0.02
+_SAYS_S, _SILENT_S = 1.0, 3.0
 
 
 def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: str) -> None:
@@ -80,3 +81,27 @@ def killed(bench: Bench) -> None:
 def hung(bench: Bench) -> None:
     """When the process that drives it hangs, the robot stops within the lease."""
     _watch(bench, lambda process: process.send_signal(signal.SIGSTOP), "hung")
+
+
+@clause("process.lost", tier=Tier.WIRE)
+def lost(bench: Bench) -> None:
+    """A fleet whose backend has started the robots itself drives them, and says when their program has ended."""
+    bench.require_hook("killable")
+    fleet, kill = bench.harness.killable()
+    bench.opener = lambda: fleet
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    said, truth = fleet.lost(), fleet.truth
+    bench.require(not said, f"the program that simulates its robot runs, and the fleet's lost() says: {said}")
+    bench.faulty = True
+    kill()
+    bench.require(
+        bench.run(_SAYS_S, lambda: bool(fleet.lost()), renew=False),
+        f"{_SAYS_S:g} s after the program that simulates its robot was killed the fleet's lost() says nothing: a run "
+        "waits for robots that are gone and is told nothing; ask the process itself, and take no error for an answer",
+    )
+    bench.require(
+        truth is None or bench.run(_SILENT_S, lambda: truth.report().ended_s is not None, renew=False),
+        f"{_SILENT_S:g} s after the simulated world has ended its truth does not say since when nothing is known: "
+        "silence is taken for a run in which no rule was broken; set ended_s in report()",
+    )
