@@ -9,14 +9,15 @@ python -m MODULE [WORKSPACE.xml] [--at JSON] [--truth-port PORT] [--parent PID]
 Without a workspace the world comes as JSON on standard input. The first line printed is JSON:
 `{"robots": {"1": ADDRESS}, "truth": "127.0.0.1:PORT", "control": PORT}`: the robots' addresses, that of
 `soter_sim.truth_server`, and the UDP port of this host that takes faults, such as
-`{"robot": 1, "step_clock_s": -30.0}` or `{"robot": 1, "restart": true}`. `soter.sdk.wire.Simulator` starts it so.
-`--at` takes the addresses that an earlier simulator printed.
+`{"robot": 1, "step_clock_s": -30.0}`, `{"robot": 1, "stop_clock": true}` or `{"robot": 1, "restart": true}`.
+`soter.sdk.wire.Simulator` starts it so. `--at` takes the addresses that an earlier simulator printed.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import math
 import socket
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -71,6 +72,7 @@ class CommandedVehicle:
         self._index: Final = world.index(robot_id)
         self._drive: Final = Drive(world.bodies.limits[self._index], world.period_s)
         self._booted_s = -_BOOT_APART_S * robot_id
+        self._stopped_s = math.inf
         world.set_control(robot_id, self._control)
 
     def take(self, command: Command) -> None:
@@ -101,12 +103,16 @@ class CommandedVehicle:
         """Set the robot's clock forward, or back if negative."""
         self._booted_s -= seconds
 
+    def stop_clock(self) -> None:
+        """Let the robot's clock stand still from now on."""
+        self._stopped_s = self._world.now_s
+
     def restart(self) -> None:
         """Reboot the robot's computer: it forgets all commands, and its clock begins at 0."""
         self.gate, self._booted_s = GoalGate(self._lives_s), self._world.now_s
 
     def _clock_s(self, world_s: float) -> float:
-        return world_s - self._booted_s
+        return min(world_s, self._stopped_s) - self._booted_s
 
     def _control(
         self, now_s: float, x_m: float, y_m: float, heading_rad: float, v_m_s: float, yaw_rate_rad_s: float
@@ -188,6 +194,8 @@ class CommandedEndpoint(RealTimeWorld):
                 asked = json.loads(self._control.recv(_MOST_BYTES))
                 vehicle = self.vehicles[asked["robot"]]
                 vehicle.step_clock(asked.get("step_clock_s", 0.0))
+                if asked.get("stop_clock"):
+                    vehicle.stop_clock()
                 if asked.get("restart"):
                     vehicle.restart()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite
 from typing import Final
 
 from soter.geometry.workspace import Workspace
@@ -80,11 +80,16 @@ class VelocityControlledEndpoint(RealTimeWorld):
     ) -> None:
         super().__init__(workspace, robots, limits, STEP_S, truth_port, speedup)
         self.bases: Final[list[VelocityControlledBase]] = []
+        self._stopped_s = inf
 
     @property
     def clock_s(self) -> float:
         """Time of the world's clock."""
-        return START_S + self.world.now_s
+        return START_S + min(self.world.now_s, self._stopped_s)
+
+    def stop_clock(self) -> None:
+        """Let the clock stand still from now on, while the world goes on."""
+        self._stopped_s = self.world.now_s
 
     def _tell(self, before: int, steps: int) -> None:
         self._tell_clock()

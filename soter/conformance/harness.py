@@ -16,6 +16,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
+    "stop_clock",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -207,6 +208,10 @@ class Harness(ABC):
 
     def step_clock(self, robot_id: int, seconds: float) -> None:
         """Set a vehicle's own clock forward, or back if negative, while its program goes on."""
+        raise NotImplementedError
+
+    def stop_clock(self, robot_id: int) -> None:
+        """Let a vehicle's own clock stand still from now on, while its program goes on."""
         raise NotImplementedError
 
     def restart(self, robot_id: int) -> None:

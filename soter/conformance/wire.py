@@ -67,6 +67,10 @@ class WireHarness(RelayedHarness):
         """Set a vehicle's own clock forward, or back if negative, while its program goes on."""
         self._simulated().step_clock(robot_id, seconds)
 
+    def stop_clock(self, robot_id: int) -> None:
+        """Let a vehicle's own clock stand still from now on, while its program goes on."""
+        self._simulated().stop_clock(robot_id)
+
     def restart(self, robot_id: int) -> None:
         """Restart a vehicle's program, which forgets active controller, target and lease; its clock begins at 0."""
         self._simulated().restart(robot_id)

@@ -76,6 +76,10 @@ class Simulator(program.Program):
         """Set a robot's own clock forward, or back if negative, within one of its periods."""
         self._mistreat({"robot": robot_id, "step_clock_s": seconds})
 
+    def stop_clock(self, robot_id: int) -> None:
+        """Let a robot's own clock stand still from now on, while its program goes on."""
+        self._mistreat({"robot": robot_id, "stop_clock": True})
+
     def restart(self, robot_id: int) -> None:
         """Reboot a robot's computer: it forgets all commands, and its clock begins at 0."""
         self._mistreat({"robot": robot_id, "restart": True})

@@ -28,6 +28,7 @@ _OUTAGE_S: Final = 0.5
 _HOLDS_BACK_S: Final = 3.0
 _EVERY_S: Final = 0.4
 _ROUNDING: Final = 1e-6
+_READY_S: Final = 1.0
 
 
 def _tells_caps_that_change(robot: Any, goal: Goal) -> None:
@@ -217,6 +218,19 @@ def _keeps_its_charge(self: Any) -> RobotState | None:
     return state if state is None or kept[0] is None else state._replace(battery=kept[0])
 
 
+def _notes_restarts(self: Any) -> RobotState | None:
+    """Note for all robots when one has restarted."""
+    before, state = self.latest, WireRobot._sample(self)
+    if before is not None and state is not None and state.vehicle_stamp_s < before.vehicle_stamp_s - 1.0:
+        vars(self.clock)["restarted_s"] = self.clock.now()
+    return state
+
+
+def _makes_ready_again(self: Any) -> None:
+    if self.clock.now() - vars(self.clock).get("restarted_s", -math.inf) > _READY_S:
+        WireRobot._renew_lease(self)
+
+
 FIELD: Final[tuple[type[Broken], ...]] = (
     edited("CapsThatChange", "Sends a speed cap if it has changed, and the vehicle forgets it at each hand-over.",
            "goto.speed_cap", "what has changed only", _send_goto=_tells_caps_that_change, _hand_over=_forgets_its_cap),
@@ -271,6 +285,10 @@ FIELD_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           "who spoke last", __init__=_tells_the_newest),
     wired("HearsItsChargeNoMore", "Hears everything but the charge once the link is back.", "link.no_success",
           "what tells the charge did not", _sample=_keeps_its_charge),
+    wired("AllRestart", "Renews no lease for a second after any of its robots has restarted.", "deadman.restart",
+          "counts for all", _sample=_notes_restarts, _renew_lease=_makes_ready_again),
+    driven("LivesWhileItsClockStands", "Counts its lease by its own clock, and drives on while that stands still.",
+           "deadman.clock_stands", "stands still", minds_its_clock=False),
     wired("LosesNothing", "Has a fleet that never says that the program which simulates its robot has ended.",
           "process.lost", "told nothing", fleet_says_lost=False),
     wired("TruthNeverEnds", "Has a truth that goes on when the simulated world has ended.", "process.lost",

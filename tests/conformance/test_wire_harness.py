@@ -97,3 +97,27 @@ def test_a_robot_whose_program_stands_still_is_not_heard_until_it_goes_on(harnes
         assert fleet.clock.now() - began_s >= 1.5
         # It is no matter for the end that somebody stands still.
         harness.stall(robot.id, 0.3)
+
+
+def test_a_robot_whose_clock_stands_still_says_the_same_time_and_drives_until_its_lease_ends(
+    harness: ZmqHarness,
+) -> None:
+    with harness.open(1) as fleet:
+        robot = fleet.robots[0]
+        robot.init(10.0)
+        robot.goto(Waypoint(3.3, 4.1), Controller.SC)
+        assert drive_until(fleet, lambda: speed(robot) > 0.2, 10.0)
+        harness.stop_clock(robot.id)
+        drive_until(fleet, lambda: False, 0.2)
+        shown_s = robot.read_state().vehicle_stamp_s
+        assert drive_until(fleet, lambda: speed(robot) < 1e-3, 5.0, renew=False)
+        assert robot.read_state().vehicle_stamp_s == shown_s
+
+
+def test_a_robot_that_the_backend_starts_itself_is_lost_with_its_program(harness: ZmqHarness) -> None:
+    fleet, kill = harness.killable()
+    with fleet:
+        fleet.robots[0].init(10.0)
+        assert fleet.lost() == ""
+        kill()
+        assert drive_until(fleet, lambda: "ended" in fleet.lost(), 5.0, renew=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from soter.onboard.program import Ending
-from soter_sim.program import make_parser, read_namespaces, read_world, serve
+from soter_sim.program import make_parser, read_namespaces, read_world, serve, stops_clock
 from soter_sim.ros2.endpoint import Endpoint
 
 
@@ -13,7 +13,9 @@ def main() -> None:
     workspace, robots, limits = read_world()
     ended = Ending(given.parent)
     namespaces = read_namespaces(given.namespaces)
-    serve(Endpoint(workspace, robots, namespaces, limits, stamped=given.stamped, truth_port=given.truth_port), ended)
+    endpoint = Endpoint(workspace, robots, namespaces, limits, stamped=given.stamped, truth_port=given.truth_port)
+    stops_clock(endpoint)
+    serve(endpoint, ended)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
@@ -96,6 +97,11 @@ class Ros2Harness(RelayedHarness):
         """Suspend a robot's mux for a time; its base goes on."""
         assert isinstance(self.simulator, Ros2Simulator)
         self.stopped(self.simulator.muxes[robot_id], seconds)
+
+    def stop_clock(self, robot_id: int) -> None:
+        """Let the clock of all robots, which is that of their world, stand still from now on."""
+        assert isinstance(self.simulator, Ros2Simulator)
+        self.simulator.world.send_signal(signal.SIGUSR1)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

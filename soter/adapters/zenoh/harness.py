@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -87,6 +88,11 @@ class ZenohHarness(RelayedHarness):
         """Suspend a robot's mux for a time; its base goes on."""
         assert isinstance(self.simulator, ZenohSimulator)
         self.stopped(self.simulator.muxes[robot_id], seconds)
+
+    def stop_clock(self, robot_id: int) -> None:
+        """Let the clock of all robots, which is that of their world, stand still from now on."""
+        assert isinstance(self.simulator, ZenohSimulator)
+        self.simulator.world.send_signal(signal.SIGUSR1)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

@@ -47,7 +47,7 @@ def _silent_after(bench: Bench, change: Callable[[Robot], None], what: str) -> R
     bench.require(
         slipped <= bench.still_m,
         f"{what} and nothing renews its lease any more, but it drives on, {slipped:.3f} m within a second: a lease "
-        "must end when the clock that it is counted by goes back",
+        "must end when the clock that it is counted by goes back or stands still; count it by steady time",
     )
     return robot
 
@@ -59,6 +59,13 @@ def clock_back(bench: Bench) -> None:
     _silent_after(
         bench, lambda robot: bench.harness.step_clock(robot.id, -30.0), "the vehicle's clock went back by 30 s"
     )
+
+
+@clause("deadman.clock_stands", tier=Tier.WIRE)
+def clock_stands(bench: Bench) -> None:
+    """A vehicle's clock that stands still does not prolong the lease."""
+    bench.require_hook("stop_clock")
+    _silent_after(bench, lambda robot: bench.harness.stop_clock(robot.id), "the vehicle's clock stands still")
 
 
 @clause("deadman.wraps")
@@ -162,7 +169,7 @@ def clock_steps(bench: Bench) -> None:
 
 @clause("deadman.restart", tier=Tier.WIRE)
 def restart(bench: Bench) -> None:
-    """A vehicle that restarts has forgotten its lease, and obeys again once it is commanded anew."""
+    """A vehicle that restarts has forgotten its lease, and obeys again once it is told to; no other notices."""
     bench.require_hook("restart")
     said: list[RobotState] = []
 
@@ -208,3 +215,25 @@ def restart(bench: Bench) -> None:
         )  # fmt: skip
         bench.go(robot, bench.place(robot, 0.0), cause=deaf)
         bench.run(SETTLE_S)
+    _costs_the_other_nothing(bench)
+
+
+def _costs_the_other_nothing(bench: Bench) -> None:
+    """Judge whether a robot drives on evenly while another one restarts."""
+    bench.close()
+    robots = bench.open(2)
+    bench.faulty = True
+    for kept, anew in (robots, robots[::-1]):
+        bench.get_going(kept, bench.place(kept, 0.9))
+        began_s = bench.now_s
+        bench.harness.restart(anew.id)
+        bench.run(min(_LEARNS_S, 0.25 * bench.harness.room_m / bench.caps.v_max_m_s))
+        seen = bench.since(kept, began_s)
+        slow = sum(each.speed_m_s < _EVEN * bench.caps.v_max_m_s for each in seen) / max(len(seen), 1)
+        bench.require(
+            slow <= _SLOW,
+            f"while robot {anew.id} restarted robot {kept.id} did not drive on as before: what is noted of the restart "
+            "of one, such as that it has to be made ready again, counts for all",
+        )
+        bench.go(kept, bench.place(kept, 0.0))
+        bench.run(_LEARNS_S)

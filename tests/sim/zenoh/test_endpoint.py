@@ -100,6 +100,15 @@ def test_it_says_where_it_is_at_its_rates_and_does_what_it_is_told(client: Clien
     stops_by_itself(client.odometry, lambda: client.reaches(-9.0, -0.22))
 
 
+def test_its_clock_can_be_stopped_and_the_world_goes_on(client: Client, face: subprocess.Popen[bytes]) -> None:
+    face.send_signal(signal.SIGUSR1)
+    assert eventually(lambda: len(client.clock) > 5 and len({*client.clock[-5:]}) == 1)
+    began_m = client.odometry[-1].pose.pose.position.x
+    assert client.reaches(0.2, 0.2)
+    assert eventually(lambda: client.odometry[-1].pose.pose.position.x != began_m)
+    assert seconds(client.odometry[-1].header.stamp) == client.clock[-1]
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_it_ends_when_it_is_told_to(client: Client, face: subprocess.Popen[bytes], number: int) -> None:
     # What is no velocity does not hurt it.
