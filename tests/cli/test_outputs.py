@@ -126,7 +126,8 @@ def test_pictures_are_png(tmp_path: Path) -> None:
 
 def test_without_matplotlib_the_hint_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.delitem(sys.modules, "soter.report.picture", raising=False)
+    for drawing in ("soter.report.picture", "soter.report.ground"):
+        monkeypatch.delitem(sys.modules, drawing, raising=False)
     with pytest.raises(ConfigError, match=re.escape(f"install it with: {install_command('report')}")):
         Outputs({"--picture": tmp_path / "run.png"})
 
