@@ -147,7 +147,9 @@ class Obedience:
             return f"its GPS has lost its place: fix type {gps.message.fix_type}, allowed: {_FIX} or more"
         # By the vehicle's own clock: while the link is silent there is no news of the GPS either.
         stamp_s = vehicle.inbox.latest["LOCAL_POSITION_NED"].message.time_boot_ms * 1e-3
-        if gps.message.time_usec != self._fix or stamp_s < self._fix_s:
-            self._fix, self._fix_s = gps.message.time_usec, stamp_s
+        # A PX4 that does not know what time it is sends 0, but sends nothing without a fix.
+        fix = gps.message.time_usec or gps.received_s
+        if fix != self._fix or stamp_s < self._fix_s:
+            self._fix, self._fix_s = fix, stamp_s
         silent_s = stamp_s - self._fix_s
         return "" if silent_s <= _NO_FIX_S else f"its GPS has found no place for {silent_s:.1f} s"

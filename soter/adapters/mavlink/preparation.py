@@ -179,7 +179,11 @@ class Preparation:
             # PX4 takes targets only from a sender that has been sending them for a while, and goes on sending.
             self._keep_alive = self._stand
         yield from self._mode(kind.guided)
-        yield from self._until(self._knows_gate, "it to say whether it has a gate of its own", self._ask_for_gate)
+        if kind.is_px4:
+            # It answers what it does not know by a result of its own, as a gate may.
+            self.gated = False
+        else:
+            yield from self._until(self._knows_gate, "it to say whether it has a gate of its own", self._ask_for_gate)
         if not self.gated:
             yield from self._judge_parameters()
             if not kind.is_px4:

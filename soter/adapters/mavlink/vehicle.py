@@ -245,7 +245,9 @@ class Vehicle:
         report = self.ekf_report(since_s)
         if report is None:
             return False
-        return report.flags & _READY_EKF == _READY_EKF and not report.flags & _UNREADY_EKF
+        # A PX4 that stands on the ground says that its position is constant, too, with all other flags set.
+        unready = mav.ESTIMATOR_GPS_GLITCH if self.kind.is_px4 else _UNREADY_EKF
+        return report.flags & _READY_EKF == _READY_EKF and not report.flags & unready
 
     def ack(self, command: int, since_s: float) -> Ack | None:
         """Return the latest answer to a command if it came at or after a steady time, else None."""

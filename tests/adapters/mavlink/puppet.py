@@ -59,6 +59,7 @@ class Puppet(MavlinkLink):
         self.fix = mav.GPS_FIX_TYPE_3D_FIX
         self.finds = True
         self.fixed_s = 0.0
+        self.times_fixes = True
         self.variance = 0.01
         self.origin_lat = 473977420
         self.place_e7 = 0, 0
@@ -133,7 +134,8 @@ class Puppet(MavlinkLink):
                  pos_horiz_variance=self.variance)  # fmt: skip
         if self.finds:
             self.fixed_s = self.clock_s
-        self.say("GPS_RAW_INT", fix_type=self.fix, time_usec=int(self.fixed_s * 1e6))
+        if self.finds or self.times_fixes:
+            self.say("GPS_RAW_INT", fix_type=self.fix, time_usec=int(self.fixed_s * 1e6) * self.times_fixes)
         if self.gate:
             self.say("NAMED_VALUE_INT", name="GMASTER", value=256 * OURS + self.master, **stamp)
 

@@ -209,3 +209,11 @@ def test_one_that_was_started_anew_while_it_was_young_is_made_ready_again(puppet
     puppet.mode, puppet.armed = 0, False
     tick(puppet, robot, 120)
     assert (puppet.mode, puppet.armed) == (ROVER_GUIDED, True)
+
+
+def test_fixes_without_a_time_are_new_as_long_as_they_come(puppet: Puppet) -> None:
+    puppet.times_fixes = False
+    robot = ready(puppet)
+    assert tick(puppet, robot, 60) == []
+    puppet.finds = False
+    assert "its GPS has found no place for 0.8 s" in tick(puppet, robot, 60)[0]

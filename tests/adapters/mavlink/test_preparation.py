@@ -248,3 +248,31 @@ def test_a_clock_that_is_learned_better_costs_no_sample(puppet: Puppet, better_s
         puppet.clock_s += 0.02
         puppet.time.now_s += 0.02
     assert robot.discarded == 0
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "flags", "starts"),
+    [
+        (mav.MAV_AUTOPILOT_PX4, 1023, True),
+        (mav.MAV_AUTOPILOT_PX4, 1023 | mav.ESTIMATOR_GPS_GLITCH, False),
+        (mav.MAV_AUTOPILOT_PX4, 229, False),
+        (mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 831 | mav.EKF_CONST_POS_MODE, False),
+    ],
+)
+def test_a_px4_that_stands_on_the_ground_knows_where_it_is_though_it_says_that_its_position_is_constant(
+    puppet: Puppet, autopilot: int, flags: int, starts: bool
+) -> None:
+    puppet.kind, puppet.gate, puppet.ekf = (mav.MAV_TYPE_QUADROTOR, autopilot), False, flags
+    robot = robot_of(puppet, vehicle="copter", height_m=2.0)
+    if starts:
+        robot.init(20.0)
+        return
+    with pytest.raises(RobotUnavailable, match="its EKF to know where it is"):
+        robot.init(5.0)
+
+
+def test_a_px4_is_not_asked_for_a_gate(puppet: Puppet) -> None:
+    puppet.kind = (mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_PX4)
+    robot = ready(puppet, vehicle="copter", height_m=2.0)
+    assert not puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)
+    assert not robot.capabilities.reports_controller
