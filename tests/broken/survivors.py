@@ -65,6 +65,17 @@ SURVIVORS: Final = (
         "rest of the run. A call that waits holds up all robots, and their leases stop them. Pull the cable once.",
     ),
     Survivor(
+        "Makes all its robots ready again when one has restarted, behind a harness without the hook `restart`.",
+        "Nothing else that the kit does makes one robot of several restart.",
+        "Whenever one robot restarts, all others stop within their leases and stand until they are ready again.",
+    ),
+    Survivor(
+        "Says nothing when the simulator that its backend has started is gone, behind a harness without the hook "
+        "`killable`.",
+        "The kit ends no program that it has not started.",
+        "A run in simulation goes on to its end with robots that have stopped, or are gone, and nobody is told why.",
+    ),
+    Survivor(
         "Is wrong about the fourth robot, or a later one.",
         "The kit judges the first, the second and the last of as many as `robots_most` says: 3 for shipped adapters.",
         "What the clauses are about, such as a lease that nobody watches. Let the harness open as many as you drive.",
