@@ -23,7 +23,7 @@ from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
 from soter.adapters.mavlink.vehicle import EVERYBODY
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
-from soter.conformance.harness import LIMITS, Harness, Switchable
+from soter.conformance.harness import LIMITS, Harness, Killable, Switchable
 from soter.errors import RobotUnavailable
 from soter.sdk import Fleet, Waypoint
 from soter.sdk.wire import describe
@@ -149,6 +149,13 @@ class MavlinkHarness(RelayedHarness):
         self._watched(port)
         self.fleet = self._opened(port, None, 1)
         return Switchable(self.fleet, self._end, lambda: self._watched(port))
+
+    def killable(self) -> Killable:
+        """Return a fleet of one vehicle that the backend simulates itself, and the call that kills its program."""
+        config = MavlinkConfig.model_validate({"workspace": WIDE_ROOMS, "limits": LIMITS, **self.options})
+        self.fleet = fleet = self.backend().open(config, self.specs(1))
+        assert isinstance(fleet.simulator, MavlinkSimulator)
+        return Killable(fleet, fleet.simulator.process.kill)
 
     def stall(self, robot_id: int, seconds: float) -> None:
         """Suspend the vehicles' program for a time; afterwards the simulation catches up."""
