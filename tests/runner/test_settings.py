@@ -55,7 +55,7 @@ class Shrunk(KinematicBackend):
 
 
 def test_a_backend_whose_robots_promise_what_cannot_be_is_refused_by_the_figure() -> None:
-    named = r"Shrunk: its robots cannot promise that: Capabilities\.body_radius_m is -1\.0, allowed: a finite"
+    named = r"Shrunk: its robots cannot promise that: Capabilities\.body_radius_m is -1\.0, allowed: a number from 0 to"
     with pytest.raises(BackendError, match=named):
         promised(mission({"backend": f"{__name__}:Shrunk"}))
 
