@@ -185,8 +185,13 @@ def declare(
 
 def _own_rule(module: RTAModule, timing: Timing) -> OwnRule:
     assert module.phi_safe is not None
-    noise = plain(module.phi_safe.noise(timing.noise_m))
-    reach = plain(module.model.bound(module.horizon_s(timing))) if module.model is not None else 0.0
+    try:
+        noise = plain(module.phi_safe.noise(timing.noise_m))
+        reach = plain(module.model.bound(module.horizon_s(timing))) if module.model is not None else 0.0
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # noqa: BLE001 - foreign code; the module's check fails as well, and says why
+        noise = reach = 0.0
     safer = module.phi_safer if isinstance(module.phi_safer, Region) else None
     return OwnRule(module.phi_safe, module.of_pairs, safer, noise, noise + reach, module.name)
 

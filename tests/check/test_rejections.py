@@ -22,8 +22,9 @@ from soter.registry import load_backend
 from soter.rta import PairBound, ReachModel, RTAModule, Sample, SpeedBound, Timing, Topic
 from soter.specs import read_options
 from soter.stack.collision import Separation, check_halves
+from soter.stack.module_kit import ModuleKit
 from soter.stack.reach import MotionLimits
-from tests.check.planted import EastOf
+from tests.check.planted import EastOf, right
 from tests.project.source import ROOT
 from tests.rta.doubles import TICK_S, Above, FakeNode, module
 from tests.runner.test_speedup import HastyBackend, mission
@@ -277,3 +278,22 @@ def test_there_is_no_other_text(monkeypatch: pytest.MonkeyPatch) -> None:
         with pytest.raises(IllFormedModule):
             fail()
     assert made == places(), "a text without a test: add what brings it about to the tables above"
+
+
+class BoundFails(SpeedBound):
+    def bound(self, time_s: float) -> float:
+        raise KeyError("no bound")
+
+
+def fails(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), model=BoundFails(0.22, 1.0))
+
+
+def test_a_users_model_that_fails_is_a_finding_and_no_fault_of_ours() -> None:
+    asked = load_mission(
+        ROOT / "examples" / "surveillance.toml",
+        {"backend": "kinematic", "rta.module": {"own": {"declare": f"{__name__}:fails"}}},
+    )
+    declared = declare_all(asked, asked.read_workspace(), {1: PROMISED, 2: PROMISED})
+    with pytest.raises(IllFormedModule, match="it fails when it is evaluated: KeyError"):
+        declared[1].module("own").check(declared[1].timing, asked.base_tick_s)
