@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"soter": ROOT / "soter", "soter_sim": ROOT / "sim" / "soter_sim"}
 # What the lines `pip install -e ".[...]"` of the pages install and is small; `make install-check` has pip resolve all.
 EXTRAS = ("foxglove", "sign", "zenoh")
-SUFFIXES = {".py", ".typed", ".css", ".html", ".in", ".js", ".json", ".toml", ".urdf", ".xml"}
+SUFFIXES = {".py", ".typed", ".css", ".html", ".in", ".js", ".json", ".toml", ".xml"}
 
 
 def run(*command: str | Path, cwd: Path) -> str:

@@ -11,13 +11,6 @@ JointState: TypeAlias = tuple[float, float, tuple[float, float, float, float, fl
 ContactPoint: TypeAlias = tuple[
     int, int, int, int, int, Vector, Vector, Vector, float, float, float, Vector, float, Vector
 ]
-# Index, name, type, first position and velocity index, flags, damping, friction, lower and upper limit, top
-# force and velocity, link name, axis, position and orientation in the parent's frame, parent.
-JointInfo: TypeAlias = tuple[
-    *tuple[int, bytes, int, int, int, int],
-    *tuple[float, float, float, float, float, float],
-    *tuple[bytes, Vector, Vector, Quaternion, int],
-]
 
 COV_ENABLE_GUI: int
 COV_ENABLE_SHADOWS: int
@@ -29,9 +22,9 @@ GEOM_CYLINDER: int
 GEOM_PLANE: int
 GEOM_SPHERE: int
 GUI: int
+JOINT_PRISMATIC: int
+JOINT_REVOLUTE: int
 VELOCITY_CONTROL: int
-URDF_USE_IMPLICIT_CYLINDER: int
-URDF_USE_SELF_COLLISION: int
 
 class error(Exception): ...
 
@@ -45,8 +38,6 @@ def resetDebugVisualizerCamera(
     cameraTargetPosition: Sequence[float],
     physicsClientId: int = 0,
 ) -> None: ...
-def isConnected(physicsClientId: int = 0) -> int: ...
-def resetSimulation(flags: int = 0, physicsClientId: int = 0) -> None: ...
 def setGravity(gravX: float, gravY: float, gravZ: float, physicsClientId: int = 0) -> None: ...
 def setTimeStep(timeStep: float, physicsClientId: int = 0) -> None: ...
 def setPhysicsEngineParameter(
@@ -70,18 +61,6 @@ def setPhysicsEngineParameter(
     physicsClientId: int = 0,
 ) -> None: ...
 def stepSimulation(physicsClientId: int = 0) -> None: ...
-def performCollisionDetection(physicsClientId: int = 0) -> None: ...
-def setAdditionalSearchPath(path: str, physicsClientId: int = 0) -> None: ...
-def loadURDF(
-    fileName: str,
-    basePosition: Sequence[float] = ...,
-    baseOrientation: Sequence[float] = ...,
-    useMaximalCoordinates: int = 0,
-    useFixedBase: int = 0,
-    flags: int = 0,
-    globalScaling: float = 1.0,
-    physicsClientId: int = 0,
-) -> int: ...
 def createCollisionShape(
     shapeType: int,
     radius: float = ...,
@@ -97,6 +76,7 @@ def createVisualShape(
     radius: float = ...,
     halfExtents: Sequence[float] = ...,
     length: float = ...,
+    visualFramePosition: Sequence[float] = ...,
     vertices: Sequence[Sequence[float]] = ...,
     indices: Sequence[int] = ...,
     rgbaColor: Sequence[float] = ...,
@@ -135,9 +115,25 @@ def createMultiBody(
     baseVisualShapeIndex: int = -1,
     basePosition: Sequence[float] = ...,
     baseOrientation: Sequence[float] = ...,
+    linkMasses: Sequence[float] = ...,
+    linkCollisionShapeIndices: Sequence[int] = ...,
+    linkVisualShapeIndices: Sequence[int] = ...,
+    linkPositions: Sequence[Sequence[float]] = ...,
+    linkOrientations: Sequence[Sequence[float]] = ...,
+    linkInertialFramePositions: Sequence[Sequence[float]] = ...,
+    linkInertialFrameOrientations: Sequence[Sequence[float]] = ...,
+    linkParentIndices: Sequence[int] = ...,
+    linkJointTypes: Sequence[int] = ...,
+    linkJointAxis: Sequence[Sequence[float]] = ...,
     physicsClientId: int = 0,
 ) -> int: ...
-def removeBody(bodyUniqueId: int, physicsClientId: int = 0) -> None: ...
+def setCollisionFilterGroupMask(
+    bodyUniqueId: int,
+    linkIndexA: int,
+    collisionFilterGroup: int,
+    collisionFilterMask: int,
+    physicsClientId: int = 0,
+) -> None: ...
 def changeDynamics(
     bodyUniqueId: int,
     linkIndex: int,
@@ -158,9 +154,6 @@ def changeDynamics(
     localInertiaDiagonal: Sequence[float] = ...,
     physicsClientId: int = 0,
 ) -> None: ...
-def getNumJoints(bodyUniqueId: int, physicsClientId: int = 0) -> int: ...
-def getJointInfo(bodyUniqueId: int, jointIndex: int, physicsClientId: int = 0) -> JointInfo: ...
-def getJointState(bodyUniqueId: int, jointIndex: int, physicsClientId: int = 0) -> JointState: ...
 def getJointStates(
     bodyUniqueId: int, jointIndices: Sequence[int], physicsClientId: int = 0
 ) -> tuple[JointState, ...]: ...
@@ -169,17 +162,6 @@ def resetJointState(
     jointIndex: int,
     targetValue: float,
     targetVelocity: float = 0.0,
-    physicsClientId: int = 0,
-) -> None: ...
-def setJointMotorControl2(
-    bodyUniqueId: int,
-    jointIndex: int,
-    controlMode: int,
-    *,
-    targetPosition: float = ...,
-    targetVelocity: float = ...,
-    force: float = ...,
-    maxVelocity: float = ...,
     physicsClientId: int = 0,
 ) -> None: ...
 def setJointMotorControlArray(
@@ -196,15 +178,6 @@ def getBasePositionAndOrientation(bodyUniqueId: int, physicsClientId: int = 0) -
 def resetBasePositionAndOrientation(
     bodyUniqueId: int, posObj: Sequence[float], ornObj: Sequence[float], physicsClientId: int = 0
 ) -> None: ...
-def getBaseVelocity(bodyUniqueId: int, physicsClientId: int = 0) -> tuple[Vector, Vector]: ...
-def resetBaseVelocity(
-    objectUniqueId: int,
-    linearVelocity: Sequence[float] = ...,
-    angularVelocity: Sequence[float] = ...,
-    physicsClientId: int = 0,
-) -> None: ...
-def getEulerFromQuaternion(quaternion: Sequence[float], physicsClientId: int = 0) -> Vector: ...
-def getQuaternionFromEuler(eulerAngles: Sequence[float], physicsClientId: int = 0) -> Quaternion: ...
 def getContactPoints(
     bodyA: int = ..., bodyB: int = ..., linkIndexA: int = ..., linkIndexB: int = ..., physicsClientId: int = 0
 ) -> tuple[ContactPoint, ...]: ...

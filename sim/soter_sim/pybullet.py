@@ -10,15 +10,13 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
-from importlib.resources import files
-from math import atan2, cos, dist, sin
+from contextlib import contextmanager
+from math import atan2, cos, dist, remainder, sin, tau
 from typing import Final
 
 from soter.errors import BackendError
 from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
-from soter.scratch import Scratch
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.bodies import BODY_RADIUS_M, Bodies
 from soter_sim.judge import Judge
@@ -45,7 +43,7 @@ def nothing_printed() -> Iterator[None]:
 with nothing_printed():
     import pybullet as bullet
 
-__all__ = ["PERIOD_S", "STEPS_PER_PERIOD", "PyBulletEngine", "bullet", "nothing_printed"]
+__all__ = ["BODY", "PERIOD_S", "STEPS_PER_PERIOD", "PyBulletEngine", "bullet", "nothing_printed"]
 
 PERIOD_S: Final = 0.05
 """The control period."""
@@ -56,18 +54,28 @@ STEPS_PER_PERIOD: Final = 12
 _STEP_S: Final = PERIOD_S / STEPS_PER_PERIOD
 _WHEEL_RADIUS_M: Final = 0.033
 _WHEEL_AT_M: Final = 0.07
-_WHEELS: Final = (0, 1)
-_ALL_LINKS: Final = (-1, *_WHEELS)
 _MOTOR_N_M: Final = 10.0
 _BODY_KG: Final = 0.9
-# Bodies are thin discs near the wheels' axis, where rocking hardly moves them.
-_DISC_M: Final = 0.004
-# Height of the sliders: they hang slightly above the ground, and a body rocks from one to the other when it brakes, and
-# turns its wheels with it. If the gap grew with the model, a robot of 1 m would brake 0.04 m/s late.
-_SLIDER_AT_M: Final = -0.0198
-_SLIDER_GAP_M: Final = 0.0002
-# A robot does 0.22001 m/s when told 0.22. With this part of its top speed it stays below.
-_TOP_SPEED: Final = 0.9995
+_WHEEL_KG: Final = 0.05
+_SHOWN_M: Final = 0.15
+# A robot is a chain of joints that begins where the robot does: it moves east, north and up, turns, and rolls to its
+# side, so that both wheels carry it. It cannot lean forward, and needs nothing that keeps it from that.
+_EAST, _NORTH, _UP, _TURN, _ROLL, *_WHEELS = range(7)
+_AXES: Final = (
+    (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0),
+    (0.0, 1.0, 0.0), (0.0, 1.0, 0.0),
+)  # fmt: skip
+_PARENTS: Final = (0, 1, 2, 3, 4, 5, 5)
+_NOT_DRIVEN: Final = (_EAST, _NORTH, _UP, _TURN, _ROLL)
+_BARE_KG: Final = 1e-6
+BODY: Final = _ROLL
+"""The link of a robot that is its body: a sphere, since of all round shapes the library knows only its exact distance.
+
+It reaches below the ground, which it does not touch.
+"""
+
+# What may touch what, in bits.
+_GROUND, _WHEEL, _ROBOT, _WALL = 1, 2, 4, 8
 # Motors lag behind their target by about a step; they still stop within the promised distance.
 _BRAKE: Final = 1.06
 # No robot is faster than this many times its top speed, even after a push by another robot of the same speed.
@@ -105,16 +113,15 @@ class PyBulletEngine:
         self._done = 0
         count = len(specs)
         self._to_x, self._to_y = [*self.bodies.x], [*self.bodies.y]
-        # The model is a robot of the default radius, scaled for others.
-        self._scale = [radius_m / BODY_RADIUS_M for radius_m in self.bodies.radius]
         self._v_target, self._w_target = [0.0] * count, [0.0] * count
         self._east, self._north = [0.0] * count, [0.0] * count
+        self._begins = [(spec.x_m, spec.y_m) for spec in specs]
         self._client = self._connect()
         if self._client < 0:
             raise BackendError("PyBullet cannot open another world in this process: too many are open; close some")
         try:
             self._boxes = self._build(workspace)
-            self._robots = [self._put(spec, scale) for spec, scale in zip(specs, self._scale, strict=True)]
+            self._robots = [self._put(spec, radius_m) for spec, radius_m in zip(specs, self.bodies.radius, strict=True)]
         except BaseException:
             self.close()
             raise
@@ -162,14 +169,17 @@ class PyBulletEngine:
 
     def _build(self, workspace: Workspace) -> frozenset[int]:
         """Set up the ground and the boxes, whose height counts for nothing, as in the truth; return the boxes' ids."""
-        client, least_m = self._client, 2.0 * _WHEEL_RADIUS_M * min(self._scale)
+        client, least_m = self._client, 2.0 * _WHEEL_RADIUS_M
         bullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
         bullet.setTimeStep(_STEP_S, physicsClientId=client)
-        # The defaults let bodies overlap by 0.01 mm, and for several steps.
-        bullet.setPhysicsEngineParameter(contactSlop=0.0, contactERP=0.8, physicsClientId=client)
+        # The defaults let bodies overlap by 0.01 mm, and for several steps, and end at forces that are not found yet.
+        bullet.setPhysicsEngineParameter(
+            contactSlop=0.0, contactERP=0.8, numSolverIterations=100, physicsClientId=client
+        )
         shape = bullet.createCollisionShape(bullet.GEOM_PLANE, physicsClientId=client)
         ground = bullet.createMultiBody(0.0, shape, physicsClientId=client)
         bullet.changeDynamics(ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
+        bullet.setCollisionFilterGroupMask(ground, -1, _GROUND, _WHEEL, physicsClientId=client)
         if isinstance(workspace, Site) and (grid := workspace.plan.map) is not None:
             if len(rings := grid.rings()) > _MOST_BOXES:
                 raise BackendError(
@@ -197,8 +207,7 @@ class PyBulletEngine:
             baseOrientation=(0.0, 0.0, sin(yaw / 2), cos(yaw / 2)),
             physicsClientId=client,
         )
-        bullet.changeDynamics(body, -1, restitution=0.0, collisionMargin=0.0, physicsClientId=client)
-        return int(body)
+        return self._made_wall(int(body))
 
     def _put_walls(self, ring: Sequence[tuple[float, float]], height_m: float) -> int:
         """Put the walls of a polygon of any shape on the ground; return their body's id.
@@ -214,50 +223,76 @@ class PyBulletEngine:
             bullet.GEOM_MESH, vertices=vertices, indices=indices, physicsClientId=client
         )  # fmt: skip
         body = bullet.createMultiBody(0.0, shape, basePosition=(middle_x, middle_y, 0.0), physicsClientId=client)
+        return self._made_wall(int(body))
+
+    def _made_wall(self, body: int) -> int:
+        """Let a body stop robots; return it."""
+        client = self._client
         # With a margin, the library makes bodies larger on every side, and rounds the corners of boxes.
         bullet.changeDynamics(body, -1, restitution=0.0, collisionMargin=0.0, physicsClientId=client)
+        bullet.setCollisionFilterGroupMask(body, -1, _WALL, _ROBOT, physicsClientId=client)
         return body
 
-    def _put(self, spec: RobotSpec, scale: float) -> int:
+    def _put(self, spec: RobotSpec, radius_m: float) -> int:
         """Put a robot on the ground, its motors braked; return its body's id."""
-        client = self._client
-        with closing(Scratch("robot")) as folder:
-            model = folder.path / "robot.urdf"
-            model.write_text(_model(scale, min(self._scale)))
-            robot = bullet.loadURDF(
-                str(model),
-                basePosition=(spec.x_m, spec.y_m, scale * _WHEEL_RADIUS_M),
-                globalScaling=scale,
-                flags=bullet.URDF_USE_IMPLICIT_CYLINDER,
-                baseOrientation=(0.0, 0.0, sin(spec.heading_rad / 2), cos(spec.heading_rad / 2)),
-                physicsClientId=client,
-            )
-        bullet.changeDynamics(
-            robot, -1, localInertiaDiagonal=_inertia_kg_m2(scale), collisionMargin=0.0, physicsClientId=client
+        client, scale = self._client, radius_m / BODY_RADIUS_M
+        body, wheel = (
+            bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=each_m, physicsClientId=client)
+            for each_m in (radius_m, _WHEEL_RADIUS_M)
+        )
+        shown = bullet.createVisualShape(
+            bullet.GEOM_CYLINDER, radius=radius_m, length=_SHOWN_M * scale,
+            visualFramePosition=(0.0, 0.0, _SHOWN_M * scale / 2), physicsClientId=client,
         )  # fmt: skip
-        for link in _ALL_LINKS:
+        bare, joints, middle, level = len(_NOT_DRIVEN) - 1, len(_AXES), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+        slides, turns = bullet.JOINT_PRISMATIC, bullet.JOINT_REVOLUTE
+        aside_m = _WHEEL_AT_M * scale
+        robot = bullet.createMultiBody(
+            basePosition=(spec.x_m, spec.y_m, _WHEEL_RADIUS_M),
+            linkMasses=[*[_BARE_KG] * bare, _BODY_KG, _WHEEL_KG, _WHEEL_KG],
+            linkCollisionShapeIndices=[*[-1] * bare, body, wheel, wheel],
+            linkVisualShapeIndices=[*[-1] * bare, shown, -1, -1],
+            linkPositions=[*[middle] * len(_NOT_DRIVEN), (0.0, aside_m, 0.0), (0.0, -aside_m, 0.0)],
+            linkOrientations=[level] * joints,
+            linkInertialFramePositions=[middle] * joints,
+            linkInertialFrameOrientations=[level] * joints,
+            linkParentIndices=_PARENTS,
+            linkJointTypes=[slides if joint in (_EAST, _NORTH, _UP) else turns for joint in range(joints)],
+            linkJointAxis=_AXES,
+            physicsClientId=client,
+        )
+        bullet.resetJointState(robot, _TURN, spec.heading_rad, physicsClientId=client)
+        # That of a cube around the robot.
+        inertia_kg_m2 = _BODY_KG * (2.0 * radius_m) ** 2 / 6.0
+        bullet.changeDynamics(robot, BODY, localInertiaDiagonal=[inertia_kg_m2] * 3, physicsClientId=client)
+        for link in range(joints):
+            driven = link in _WHEELS
             bullet.changeDynamics(
                 robot,
                 link,
-                # The body slides along what it touches, and so do the two sliders that keep it upright. Larger bodies
-                # need more grip: the force to turn as fast grows with the radius, but their weight does not.
-                lateralFriction=0.0 if link < 0 else max(1.0, scale),
+                # The body slides along what it touches. Larger bodies need more grip: the force to turn as fast grows
+                # with the radius, but their weight does not.
+                lateralFriction=max(1.0, scale) if driven else 0.0,
                 spinningFriction=0.0,
                 rollingFriction=0.0,
                 restitution=0.0,
                 linearDamping=0.0,
                 angularDamping=0.0,
+                jointDamping=0.0,
                 physicsClientId=client,
             )
+            group, touches = (_WHEEL, _GROUND) if driven else (_ROBOT, _ROBOT | _WALL)
+            bullet.setCollisionFilterGroupMask(robot, link, group, touches, physicsClientId=client)
+        self._drive(robot, _NOT_DRIVEN, [0.0] * len(_NOT_DRIVEN), 0.0)
+        self._drive(robot, _WHEELS, (0.0, 0.0), _MOTOR_N_M)
+        return int(robot)
+
+    def _drive(self, robot: int, joints: Sequence[int], rad_s: Sequence[float], most: float) -> None:
+        """Let motors of at most this torque, or force, turn joints at these speeds."""
         bullet.setJointMotorControlArray(
-            robot,
-            _WHEELS,
-            bullet.VELOCITY_CONTROL,
-            targetVelocities=(0.0, 0.0),
-            forces=(_MOTOR_N_M, _MOTOR_N_M),
-            physicsClientId=client,
-        )
-        return robot
+            robot, joints, bullet.VELOCITY_CONTROL, targetVelocities=rad_s, forces=[most] * len(joints),
+            physicsClientId=self._client,
+        )  # fmt: skip
 
     # --- steering ------------------------------------------------------------------------------------------
 
@@ -267,7 +302,7 @@ class PyBulletEngine:
         ramps = []
         for i, control in enumerate(bodies.control):
             v_to, w_to = control(now_s, bodies.x[i], bodies.y[i], bodies.heading[i], bodies.v[i], bodies.yaw_rate[i])
-            v_to = _clamped(v_to, _TOP_SPEED * bodies.limits[i].v_max_m_s)
+            v_to = _clamped(v_to, bodies.limits[i].v_max_m_s)
             w_to = _clamped(w_to, bodies.limits[i].yaw_rate_max_rad_s)
             if bodies.charge[i] <= 0.0:
                 v_to = w_to = 0.0
@@ -310,33 +345,26 @@ class PyBulletEngine:
         v = _moved(v_is, v_to, (limits.accel_m_s2 if speeds_up else _BRAKE * limits.brake_m_s2) * _STEP_S)
         w = _moved(w_is, w_to, limits.yaw_accel_rad_s2 * _STEP_S)
         self._v_target[i], self._w_target[i] = v, w
-        turning, wheel_m = w * _WHEEL_AT_M * self._scale[i], _WHEEL_RADIUS_M * self._scale[i]
-        bullet.setJointMotorControlArray(
-            self._robots[i],
-            _WHEELS,
-            bullet.VELOCITY_CONTROL,
-            targetVelocities=((v - turning) / wheel_m, (v + turning) / wheel_m),
-            forces=(_MOTOR_N_M, _MOTOR_N_M),
-            physicsClientId=self._client,
-        )
+        turning = w * _WHEEL_AT_M / BODY_RADIUS_M * self.bodies.radius[i]
+        wheels_rad_s = (v - turning) / _WHEEL_RADIUS_M, (v + turning) / _WHEEL_RADIUS_M
+        self._drive(self._robots[i], _WHEELS, wheels_rad_s, _MOTOR_N_M)
 
     # --- reading -------------------------------------------------------------------------------------------
 
     def _read_places(self, x: list[float], y: list[float]) -> None:
-        # PyBullet returns the centre of mass, which the model has on the wheels' axis, at the robot's position.
-        for i, robot in enumerate(self._robots):
-            position, _ = bullet.getBasePositionAndOrientation(robot, physicsClientId=self._client)
-            x[i], y[i] = position[0], position[1]
+        for i, (robot, (begin_x, begin_y)) in enumerate(zip(self._robots, self._begins, strict=True)):
+            east, north = bullet.getJointStates(robot, (_EAST, _NORTH), physicsClientId=self._client)
+            x[i], y[i] = begin_x + east[0], begin_y + north[0]
 
     def _read_all(self) -> None:
         bodies, client = self.bodies, self._client
+        self._read_places(bodies.x, bodies.y)
         for i, robot in enumerate(self._robots):
-            (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(robot, physicsClientId=client)
-            (east, north, _), (_, _, yaw_rate) = bullet.getBaseVelocity(robot, physicsClientId=client)
-            heading = atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-            bodies.x[i], bodies.y[i], bodies.heading[i] = x, y, heading
+            states = bullet.getJointStates(robot, (_EAST, _NORTH, _TURN), physicsClientId=client)
+            (_, east, *_), (_, north, *_), (turned_rad, yaw_rate, *_) = states
+            heading = remainder(turned_rad, tau)
+            bodies.heading[i], bodies.yaw_rate[i] = heading, yaw_rate
             bodies.v[i] = east * cos(heading) + north * sin(heading)
-            bodies.yaw_rate[i] = yaw_rate
             self._east[i], self._north[i] = east, north
 
     def _find_contacts(self, step: int) -> None:
@@ -360,28 +388,6 @@ class PyBulletEngine:
         radius = self.bodies.radius
         reach = radius[i] + radius[j] + 2.0 * self._bound_m_s * _STEP_S
         return dx * dx + dy * dy < reach * reach
-
-
-def _model(scale: float, smallest: float) -> str:
-    """Return the model of a robot, scaled except for the sliders' gap and the body.
-
-    All bodies are at the height of the smallest robot's wheels' axis, so that their round sides meet.
-    """
-    model = (files("soter_sim") / "data" / "burger.urdf").read_text()
-    figures = {
-        "SLIDER_AT": _SLIDER_AT_M - _SLIDER_GAP_M * max(1.0 - 1.0 / scale, 0.0),
-        "BODY_AT": _WHEEL_RADIUS_M * (smallest / scale - 1.0),
-        "BODY_HEIGHT": _DISC_M / scale,
-    }
-    for name, figure in figures.items():
-        model = model.replace(name, str(figure))
-    return model
-
-
-def _inertia_kg_m2(scale: float) -> tuple[float, float, float]:
-    """Return a body's moments of inertia, about its own axes: those of a cube around the robot."""
-    inertia = _BODY_KG * (2.0 * scale * BODY_RADIUS_M) ** 2 / 6.0
-    return inertia, inertia, inertia
 
 
 def _clamped(value: float, limit: float) -> float:

@@ -12,7 +12,7 @@ from typing import Final
 from soter.record.about import versions
 
 _PACKAGES: Final = ("soter", "soter_sim")
-_SUFFIXES: Final = {".py", ".urdf", ".xml"}
+_SUFFIXES: Final = {".py", ".xml"}
 _NO_SAY: Final = ("cli/", "report/", "live/", "conformance/", "campaign/report/")
 """Folders of SOTER on which the outcome of a run does not depend."""
 

@@ -16,7 +16,7 @@ from tests.project.source import PACKAGES, ROOT, python_files
 MOST_LINES = 400
 MOST_PUBLIC_NAMES = 30
 LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
-TEXT_SUFFIXES = {".md", ".py", ".pyi", ".sh", ".toml", ".txt", ".urdf", ".xml", ".yml"}
+TEXT_SUFFIXES = {".md", ".py", ".pyi", ".sh", ".toml", ".txt", ".xml", ".yml"}
 FOLDERS = (
     ".github",
     "soter",

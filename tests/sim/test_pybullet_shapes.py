@@ -16,16 +16,16 @@ from soter.geometry.grid import GridMap
 from soter.geometry.workspace import Box, Workspace
 from soter.sdk.values import RobotSpec
 from soter_sim import World
-from soter_sim.pybullet import PyBulletEngine, bullet
+from soter_sim.pybullet import BODY, PyBulletEngine, bullet
 from tests.geometry.drawn import drawn
 from tests.sim.worlds import CASE, constant, empty, promising
 
 pytestmark = pytest.mark.pybullet
 
-# The library finds the nearest point of a round side step by step, and of two less well.
-EXACT_M = 5e-6
-OF_TWO_M = 1e-4
-PRESSED_M = 1.5e-4
+EXACT_M = 1e-9
+PRESSED_M = 1e-6
+# Two that meet: a step takes them 2 mm nearer to each other, and its forces are found step by step.
+PUSHED_M = 5e-4
 NEAR_M = 0.02
 RADII_M = (0.05, 0.105, 0.35)
 
@@ -52,11 +52,12 @@ def spaced(workspace: Workspace) -> list[RobotSpec]:
 
 
 def gap_m(engine: PyBulletEngine, robot: int, others: Sequence[int]) -> float:
-    """Return the distance between a robot and the nearest of other bodies, as PyBullet has it."""
+    """Return the distance between a robot's body and the nearest of others, as PyBullet has it. Wheels touch none."""
     points = [
         point[8]
         for other in others
-        for point in bullet.getClosestPoints(robot, other, 2.0 * NEAR_M, physicsClientId=engine._client)
+        for link in [BODY if other in engine._robots else -1]
+        for point in bullet.getClosestPoints(robot, other, 2.0 * NEAR_M, BODY, link, physicsClientId=engine._client)
     ]
     return min(points, default=math.inf)
 
@@ -107,22 +108,40 @@ def test_robots_of_any_size_are_as_far_apart_as_their_radii_say() -> None:
                     put(engine, engine._robots[one], 5.0, 5.0)
                     put(engine, engine._robots[other], 5.0 + apart_m * math.cos(angle), 5.0 + apart_m * math.sin(angle))
                     found_m = gap_m(engine, engine._robots[one], [engine._robots[other]])
-                    assert found_m == pytest.approx(exact_m, abs=OF_TWO_M)
+                    assert found_m == pytest.approx(exact_m, abs=EXACT_M)
                 put(engine, engine._robots[other], -5.0 - 3.0 * other, 0.0)
     finally:
         engine.close()
 
 
+@pytest.mark.parametrize("radius_m", RADII_M)
 @pytest.mark.parametrize("heading_rad", [0.0, 0.5, 1.2])
 @pytest.mark.parametrize("height_m", [0.01, 1.0])
-def test_a_robot_stops_at_a_wall_of_any_height_where_the_geometry_has_it(heading_rad: float, height_m: float) -> None:
+def test_a_robot_stops_at_a_wall_of_any_height_where_the_geometry_has_it(
+    radius_m: float, heading_rad: float, height_m: float
+) -> None:
     wall = Workspace(20.0, 20.0, (Box(5.5, 0.0, 6.0, 20.0, height_m),), ())
-    with World(wall, [promising(RobotSpec(1, 5.0, 5.0, heading_rad))], "pybullet") as world:
+    with World(wall, [promising(RobotSpec(1, 5.0, 5.0, heading_rad), radius_m)], "pybullet") as world:
         world.set_control(1, constant(0.22))
         while world.truth.report().contacts == 0:
             assert world.now_s < 10.0
-            assert world.bodies.x[0] <= 5.5 - 0.105 + EXACT_M
+            assert world.bodies.x[0] <= 5.5 - radius_m + EXACT_M
             world.advance(world.now_s + 0.05)
         for _ in range(60):
             world.advance(world.now_s + 0.05)
-            assert world.bodies.x[0] == pytest.approx(5.5 - 0.105, abs=PRESSED_M)
+            assert world.bodies.x[0] == pytest.approx(5.5 - radius_m, abs=PRESSED_M)
+
+
+@pytest.mark.parametrize("other_m", RADII_M)
+def test_robots_that_push_each_other_are_as_far_apart_as_their_radii_say(other_m: float) -> None:
+    specs = [promising(RobotSpec(1, 5.0, 5.0, 0.0)), promising(RobotSpec(2, 6.0, 5.01, math.pi), other_m)]
+    with World(empty(), specs, "pybullet") as world:
+        for each in (1, 2):
+            world.set_control(each, constant(0.22))
+        while world.truth.report().contacts == 0:
+            assert world.now_s < 10.0
+            world.advance(world.now_s + 0.05)
+        for _ in range(20):
+            world.advance(world.now_s + 0.05)
+            apart_m = math.dist(*zip(world.bodies.x, world.bodies.y, strict=True))
+            assert apart_m == pytest.approx(0.105 + other_m, abs=PUSHED_M)
