@@ -40,6 +40,10 @@ _VARIANCES: Final = (
 )  # fmt: skip
 """ArduPilot's and PX4's names; all are ratios to the largest value that the EKF still accepts."""
 
+_MAY_LACK: Final = "mag_ratio"
+"""A PX4 has no figure here while its EKF takes its heading from its motion and from no compass. It is told by its flags
+whether it knows where it is, and a heading is trusted by no proof."""
+
 
 class Obedience:
     """Tells whether one vehicle obeys and knows where it is. Used in the supervisor's thread.
@@ -138,7 +142,7 @@ class Obedience:
         for name in _VARIANCES:
             value = getattr(report, name, 0.0)
             # Also true for NaN.
-            if not value < _VARIANCE:
+            if not value < _VARIANCE and not (name == _MAY_LACK and math.isnan(value)):
                 return f"its EKF does not believe what it measures: {name} is {value:.2f}, allowed: below {_VARIANCE:g}"
         gps = vehicle.inbox.latest.get("GPS_RAW_INT")
         if gps is None or not self._had_fix:

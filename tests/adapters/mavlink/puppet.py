@@ -60,7 +60,7 @@ class Puppet(MavlinkLink):
         self.finds = True
         self.fixed_s = 0.0
         self.times_fixes = True
-        self.variance = 0.01
+        self.variance = self.compass = 0.01
         self.origin_lat = 473977420
         self.place_e7 = 0, 0
         self.gate = True
@@ -130,8 +130,10 @@ class Puppet(MavlinkLink):
         self.say("LOCAL_POSITION_NED", **stamp, x=self.y_m, y=self.x_m, z=-self.up_m, vx=self.speed_m_s, vy=0.0, vz=0.0)
         self.say("ATTITUDE", **stamp, yaw=self.yaw_rad, yawspeed=0.0)
         self.say("SYS_STATUS", battery_remaining=self.percent, voltage_battery=11_000)
-        self.say("ESTIMATOR_STATUS" if self.kind[1] == mav.MAV_AUTOPILOT_PX4 else "EKF_STATUS_REPORT", flags=self.ekf,
-                 pos_horiz_variance=self.variance)  # fmt: skip
+        if self.kind[1] == mav.MAV_AUTOPILOT_PX4:
+            self.say("ESTIMATOR_STATUS", flags=self.ekf, pos_horiz_ratio=self.variance, mag_ratio=self.compass)
+        else:
+            self.say("EKF_STATUS_REPORT", flags=self.ekf, pos_horiz_variance=self.variance)
         if self.finds:
             self.fixed_s = self.clock_s
         if self.finds or self.times_fixes:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -150,6 +152,22 @@ def test_what_a_fail_safe_took_is_taken_back_once_its_cause_is_gone(puppet: Pupp
     tick(puppet, robot, 120)
     assert puppet.mode == ROVER_GUIDED
     assert tick(puppet, robot) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "believed"),
+    [("compass", math.nan, True), ("compass", 0.9, False), ("variance", math.nan, False)],
+)
+def test_a_px4_needs_no_compass_to_know_where_it_is_but_one_that_it_has_must_agree(
+    puppet: Puppet, name: str, value: float, believed: bool
+) -> None:
+    puppet.kind, puppet.gate, puppet.ekf = (mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_PX4), False, 831
+    robot = ready(puppet, vehicle="copter", height_m=2.0)
+    tick(puppet, robot, 3)
+    setattr(puppet, name, value)
+    troubles = tick(puppet, robot, 22)
+    assert believed == (not troubles)
+    assert believed or "does not believe what it measures" in troubles[0]
 
 
 @pytest.mark.parametrize(
