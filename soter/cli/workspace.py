@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 EXAMPLES = """Examples:
   soter workspace examples/surveillance.xml --picture room.png
   soter workspace examples/worlds/harbour.geojson --to harbour.toml
+  soter workspace examples/worlds/flat-patrol.toml
 Exit codes:
   0  robots can use it
   1  there is a station that cannot be reached from another one
@@ -34,7 +35,11 @@ _LOOKS = 60
 
 def workspace(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A workspace: .xml, .toml, .geojson, .plan, .kml or a map's .yaml.")
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A workspace: .xml, .toml, .geojson, .plan, .kml, a map's .yaml; or a mission, for what it names.",
+        ),
     ],
     to: Annotated[Path | None, option("FILE", "Write it as .toml, in metres, or as .geojson.")] = None,
     picture: Annotated[Path | None, option("FILE.png", "Draw it.")] = None,
@@ -51,10 +56,9 @@ def workspace(
 
         from soter.cli.console import make_console
         from soter.cli.outputs import Outputs, unwritten
-        from soter.geometry.reading import read_workspace
 
         files = Outputs({"--to": to, "--picture": picture}, (file,), force=force)
-        made = read_workspace(file, inhabited=False)
+        made = _read(file)
         # All outputs are made before the first one is written.
         converted = b"" if to is None else _converted(made, file, to)
         drawn = b"" if picture is None else _drawn(made)
@@ -71,6 +75,19 @@ def workspace(
                 console.print(f"{key:<18} {words}", soft_wrap=True, highlight=False, markup=False)
         if found["unreachable"]:
             raise typer.Exit(ExitCode.VIOLATION)
+
+
+def _read(file: Path) -> Workspace:
+    """Read a workspace, or that of a mission file, with the stations and starts that the mission gives."""
+    from soter.config import load_mission
+    from soter.geometry.reading import read_workspace
+    from soter.problems import key_lines, read_limited
+
+    if file.suffix == ".toml":
+        text = read_limited(file, "workspace file").decode(errors="replace")
+        if ("workspace",) in key_lines(text):
+            return load_mission(file).read_workspace()
+    return read_workspace(file, inhabited=False)
 
 
 def _drawn(made: Workspace) -> bytes:

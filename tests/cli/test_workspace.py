@@ -69,6 +69,15 @@ def test_a_map_is_shown_and_drawn_without_stations(tmp_path: Path) -> None:
     assert not (tmp_path / "flat.toml").exists()
 
 
+def test_a_mission_file_shows_its_workspace_with_the_stations_that_it_gives(tmp_path: Path) -> None:
+    said = found(WORLDS / "flat-patrol.toml", "--picture", tmp_path / "flat.png")
+    assert said["shape"] == "map"
+    assert said["stations"] == {"1": [-27.05, 16.79], "2": [-21.31, 20.56], "3": [-32.13, 23.07], "4": [-22.39, 24.41]}
+    assert said["unreachable"] == []
+    (tmp_path / "wrong.toml").write_text('workspace = "none.xml"\n')
+    assert workspace(tmp_path / "wrong.toml").exit_code == 2
+
+
 def test_a_station_that_no_way_leads_to(tmp_path: Path) -> None:
     (tmp_path / "walled.toml").write_text(WALLED)
     done = workspace(tmp_path / "walled.toml", "--json")
