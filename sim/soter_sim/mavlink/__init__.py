@@ -27,8 +27,8 @@ vehicles live in control periods of 1/40 s (`--rate`; PyBullet has 1/20 s): stat
 with its stamp, sent at once; messages received act from the next period on. Delays of a busy host are made up for, up
 to 0.25 s of the vehicles' time; a host that lags for longer slows them down. No message is sent more than once a
 period, or `--streams` times a second: SET_MESSAGE_INTERVAL is DENIED if it asks for more. TIMESYNC is answered with
-the clock between two periods. A reboot (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, disarmed only) restarts the clock and
-forgets message intervals, keeper and home; parameters and mission stay.
+the clock between two periods. A reboot (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, disarmed only unless the sixth parameter is
+20190226) restarts the clock and forgets message intervals, keeper and home; parameters and mission stay.
 
 **Boot.** `--boot S`: HEARTBEAT from S/21, a position (whose height is 584 m off) from S/4, EKF_STATUS_REPORT 831
 instead of 167 and correct positions from S on. Arming and modes that need a position are refused until then.

@@ -251,9 +251,12 @@ class Autopilot:
             self.say(mav.MAV_SEVERITY_INFO, "Disarming motors")
         return None
 
-    def reboot(self) -> str | None:
-        """Reboot at the next control period, with the clock at 0; return the reason if it is refused."""
-        if self.armed:
+    def reboot(self, *, forced: bool = False) -> str | None:
+        """Reboot at the next control period, with the clock at 0; return the reason if it is refused.
+
+        An armed vehicle refuses unless it is forced.
+        """
+        if self.armed and not forced:
             self.say(mav.MAV_SEVERITY_WARNING, "Reboot: armed")
             return "armed"
         # Not at once: the command still has to be acknowledged.

@@ -26,6 +26,8 @@ FAILED: Final[int] = mav.MAV_RESULT_FAILED
 _ROUNDING_HZ: Final = 1e-6
 _REBOOT: Final = 1.0
 _REBOOT_BOOTLOADER: Final = 3.0
+_FORCED: Final = 20190226.0
+"""ArduPilot's word, as the sixth parameter, for a reboot although the vehicle is armed."""
 _HIGHEST_M: Final = 1000.0
 # Largest interval in MESSAGE_INTERVAL.
 _INTERVAL_MOST_US: Final = 2.0**31 - 1.0
@@ -126,7 +128,7 @@ def _to_mode(mode: Mode) -> Handler:
 def _reboot(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
     if command.params[0] not in (_REBOOT, _REBOOT_BOOTLOADER):
         return UNSUPPORTED
-    return FAILED if autopilot.reboot() else ACCEPTED
+    return FAILED if autopilot.reboot(forced=command.y == _FORCED) else ACCEPTED
 
 
 # --- going somewhere ---------------------------------------------------------------------------------------

@@ -32,6 +32,10 @@ _HOST: Final = "127.0.0.1"
 _LOOK_S: Final = 0.02
 _LARGEST: Final = 65536
 _SYSTEM_AT: Final = 5
+_STATION: Final = 250
+_FORCED: Final = 20190226.0
+_BOOT_S: Final = "0.5"
+"""Enough to see a vehicle get ready; the kit starts hundreds of them."""
 
 
 class MavlinkRelay(ImpairedRelay):
@@ -63,6 +67,10 @@ class MavlinkRelay(ImpairedRelay):
         super().close()
         self._vehicles.close()
         self._adapter.close()
+
+    def tell(self, message: mav.MAVLink_message) -> None:
+        """Send the vehicles a message of another ground station."""
+        _send(self._vehicles, message.pack(mav.MAVLink(None, _STATION)), self._peer)
 
     def _hear(self) -> None:
         while not self._ended.is_set():
@@ -162,6 +170,15 @@ class MavlinkHarness(RelayedHarness):
         assert isinstance(self.simulator, MavlinkSimulator)
         self.stopped(self.simulator.process, seconds)
 
+    def restart(self, robot_id: int) -> None:
+        """Reboot a vehicle, armed as it is: another ground station has it do so."""
+        reboot = mav.MAVLink_command_long_message(
+            robot_id, mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0,
+            1.0, 0.0, 0.0, 0.0, 0.0, _FORCED, 0.0,
+        )  # fmt: skip
+        assert isinstance(self.relay, MavlinkRelay)
+        self.relay.tell(reboot)
+
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
         simulator = self._watched(port)
@@ -176,7 +193,8 @@ class MavlinkHarness(RelayedHarness):
 
     def _start(self, robots: int, port: int) -> MavlinkSimulator:
         rate_hz = self.options.get("stream_hz", STREAM_HZ)
-        options = ("--vehicle", self.options.get("vehicle", "rover"), "--rate", str(rate_hz), *self.simulator_options)
+        vehicle = self.options.get("vehicle", "rover")
+        options = ("--vehicle", vehicle, "--rate", str(rate_hz), "--boot", _BOOT_S, *self.simulator_options)
         self.simulator = simulator = MavlinkSimulator(describe(WIDE_ROOMS, self.specs(robots), LIMITS), port, *options)
         return simulator
 
@@ -194,6 +212,7 @@ class CopterHarness(MavlinkHarness):
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
     # After a reboot a copter has to get ready, arm and take off again, which takes longer than the kit waits.
     switchable = Harness.switchable
+    restart = Harness.restart
 
 
 class PlainHarness(MavlinkHarness):
@@ -203,6 +222,7 @@ class PlainHarness(MavlinkHarness):
     simulator_options: ClassVar[tuple[str, ...]] = ("--plain",)
     # After a reboot such a rover has to get ready and arm again, which takes longer than the kit waits.
     switchable = Harness.switchable
+    restart = Harness.restart
 
 
 class MavsdkHarness(MavlinkHarness):
@@ -218,6 +238,7 @@ class MavsdkCopterHarness(MavsdkHarness):
     name = "mavsdk (copter)"
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
     switchable = Harness.switchable
+    restart = Harness.restart
 
 
 def open_given(argument: str) -> Fleet:

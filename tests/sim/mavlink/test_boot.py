@@ -80,6 +80,17 @@ def test_a_reboot_starts_the_clock_anew_and_forgets_what_was_asked_for() -> None
         assert rig.client.take("HEARTBEAT")[-1].custom_mode == 0
 
 
+def test_a_reboot_that_is_forced_happens_although_it_is_armed() -> None:
+    with Rig(boot_s=1.0) as rig:
+        rig.run(5.0)
+        rig.guided()
+        before_ms = rig.autopilot.boot_ms
+        assert rig.command(mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1, 0, 0, 0, 0, 20190226) == ACCEPTED
+        rig.run(0.5)
+        assert rig.autopilot.boot_ms < before_ms
+        assert not rig.autopilot.armed
+
+
 def test_it_says_what_it_is() -> None:
     with Rig() as rig:
         for number in (mav.MAV_CMD_REQUEST_MESSAGE, mav.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES):
