@@ -109,23 +109,40 @@ class ModuleKit:
 
         Args:
             situation: where the robot is, and its heading.
-            fits: returns whether a place, x and y in metres, will do. The place returned is also in sight, and a refuge
-                from fence and boxes.
+            fits: returns whether a place, x and y in metres, will do. The place returned is also in sight, a refuge
+                from fence and boxes, and the way there breaks no rule of a user's module.
         """
-        own, refuges, terrain = situation.own, self.refuges, self.recovery.terrain
-        low_x, low_y, high_x, high_y = terrain.bounds
-        for turn in (side * step * math.pi / 8.0 for step in range(9) for side in (1, -1)):
-            cos, sin = math.cos(own.heading_rad + turn), math.sin(own.heading_rad + turn)
-            for step in range(1, math.ceil(math.hypot(high_x - low_x, high_y - low_y) / _STEP_M)):
-                x_m, y_m = own.x_m + step * _STEP_M * cos, own.y_m + step * _STEP_M * sin
-                if (
-                    fits(x_m, y_m)
-                    and terrain.fence_m(x_m, y_m) >= refuges.fence_m
-                    and terrain.clearance_m(x_m, y_m) >= refuges.clearance_m
-                    and self.recovery.sees(situation, x_m, y_m, refuges.clearance_m)
-                ):
-                    return x_m, y_m
+        own, recovery = situation.own, self.recovery
+        turns = [own.heading_rad + side * step * math.pi / 8.0 for step in range(9) for side in (1, -1)]
+        leg_m = recovery.leg_m(situation.age_s)
+        # Where no leg may begin it does not get away at all; if none may, wait in the best direction.
+        begins = [
+            recovery.certify(situation, own.x_m + leg_m * math.cos(turn), own.y_m + leg_m * math.sin(turn)) >= 0.0
+            for turn in turns
+        ]
+        for wanted in (True, False):
+            for turn, may_begin in zip(turns, begins, strict=True):
+                if may_begin is wanted and (place := self._fitting(situation, turn, fits)) is not None:
+                    return place
         return own.x_m, own.y_m
+
+    def _fitting(self, situation: Situation, heading_rad: float, fits: Callable[[float, float], bool]) -> Point | None:
+        """Return the nearest fitting place in a direction, as `place_ahead` has it."""
+        own, refuges, recovery, terrain = situation.own, self.refuges, self.recovery, self.recovery.terrain
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        low_x, low_y, high_x, high_y = terrain.bounds
+        for step in range(1, math.ceil(math.hypot(high_x - low_x, high_y - low_y) / _STEP_M)):
+            x_m, y_m = own.x_m + step * _STEP_M * cos, own.y_m + step * _STEP_M * sin
+            if (
+                fits(x_m, y_m)
+                and terrain.fence_m(x_m, y_m) >= refuges.fence_m
+                and terrain.clearance_m(x_m, y_m) >= refuges.clearance_m
+                and recovery.sees(situation, x_m, y_m, refuges.clearance_m)
+            ):
+                # What lies beyond is on the same way.
+                allowed = all(rule.allows_way(own, x_m, y_m) for rule in recovery.own_rules)
+                return (x_m, y_m) if allowed else None
+        return None
 
     def go_to(self, choose: Callable[[Situation], Point], speed_m_s: float | None = None) -> Node:
         """Return a safe controller that chooses a place when it takes control, goes there, and chooses again if stuck.
