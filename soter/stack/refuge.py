@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from soter.rta import Situation
 from soter.stack.own_rules import OwnRule
@@ -34,6 +35,9 @@ STEPS: Final = 40
 _ROUNDING_M: Final = 1e-9
 PIVOT_M: Final = 0.1
 """A turn in place takes about as long as driving this far."""
+
+_BESIDE_M: Final = 0.1
+"""A place is as good as a cell this near to it."""
 
 
 class RefugeFinder:
@@ -64,6 +68,8 @@ class RefugeFinder:
         self._kept: Sequence[OwnRule] = ()
         self.static: Final = terrain.roomy_cells(fence_m, clearance_m)
         self._standable: Final = terrain.roomy_cells(min(fence_m, self._path_m), min(clearance_m, self._path_m))
+        self._outside: dict[tuple[tuple[Point, ...], float], NDArray[np.bool_]] = {}
+        self._leads_out = False
 
     @property
     def needs_m(self) -> tuple[float, float]:
@@ -92,6 +98,13 @@ class RefugeFinder:
         return self._way_there(situation, peer_m)
 
     def _way_there(self, situation: Situation, peer_m: float) -> list[Point]:
+        for leads_out in (True, False) if self.leave is not None else (False,):
+            self._leads_out = leads_out
+            if legs := self._way_aside(situation, peer_m):
+                return legs
+        return []
+
+    def _way_aside(self, situation: Situation, peer_m: float) -> list[Point]:
         if not self.aside:
             return self._way(situation, peer_m)
         # Paths lead around squares about the peers, beyond whose corners they are certified all along.
@@ -140,15 +153,9 @@ class RefugeFinder:
     def _reached(self, leads_back: Callable[[float, float], bool]) -> NDArray[np.bool_]:
         """Return the refuges that are connected, through refuges, to a tried one from which a path leads back."""
         xs, ys, chosen = self._terrain.cell_x.ravel(), self._terrain.cell_y.ravel(), np.flatnonzero(self.static)
-        reached = np.zeros(self.static.shape, dtype=np.bool_)
-        for at in chosen[:: max(1, chosen.size // SEEDS)].tolist():
-            reached.flat[at] = leads_back(float(xs[at]), float(ys[at]))
-        count = 0
-        while (now := int(np.count_nonzero(reached))) > count:
-            count = now
-            for turned in range(4):
-                reached = np.rot90(_along_rows(np.rot90(self.static, turned), np.rot90(reached, turned)), -turned)
-        return reached
+        parts, _ = ndimage.label(self.static)
+        tried = chosen[:: max(1, chosen.size // SEEDS)].tolist()
+        return np.isin(parts, [parts.flat[at] for at in tried if leads_back(float(xs[at]), float(ys[at]))])
 
     def good(self, situation: Situation, place: Point, peer_m: float) -> bool:
         """Return whether a refuge is still far enough from every peer, and off the path to be left."""
@@ -196,6 +203,7 @@ class RefugeFinder:
                     terrain.fence_m(*place) >= fence_m
                     and terrain.clearance_m(*place) >= clearance_m
                     and self._clear(situation, place, peer_m)
+                    and self._may_leave(place)
                     and self._free(situation, *place)
                 ):
                     return place
@@ -209,7 +217,7 @@ class RefugeFinder:
         if terrain.fence_m(*place) < inset - _ROUNDING_M:
             return None
         fits = terrain.clearance_m(*place) >= clearance_m and self._clear(situation, place, peer_m)
-        return place if fits and self._free(situation, *place) else None
+        return place if fits and self._may_leave(place) and self._free(situation, *place) else None
 
     def _candidates(self, situation: Situation, look_m: float, peer_m: float) -> list[Point]:
         own, terrain = situation.own, self._terrain
@@ -234,15 +242,30 @@ class RefugeFinder:
         """Return whether nothing else takes a robot from that place: no path to be left, and no rule of the user's."""
         if self.leave is not None and self.leave.near(*place):
             return False
-        return all(rule.allows_stay(situation.robot_id, *place) for rule in self._kept)
+        return self._may_leave(place) and all(rule.allows_stay(situation.robot_id, *place) for rule in self._kept)
 
+    def _may_leave(self, place: Point) -> bool:
+        """Return whether a way leads out from a place once those who need room stand on their stations.
 
-def _along_rows(fits: NDArray[np.bool_], reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which cells fit and follow a reached one with only fitting cells in between."""
-    index = np.arange(fits.shape[1])
-    stopped = np.maximum.accumulate(np.where(fits, -1, index), axis=1)
-    begun = np.maximum.accumulate(np.where(reached & fits, index, -1), axis=1)
-    return np.asarray(fits & (begun > stopped))
+        A robot in a corner behind a station would have to wait there until whoever charges has left.
+        """
+        leave = self.leave
+        if leave is None or not self._leads_out:
+            return True
+        outside = self._outside.get((leave.ends, leave.apart_m))
+        if outside is None:
+            outside = self._outside[leave.ends, leave.apart_m] = self._largest(leave)
+        return bool(outside[self._terrain.window(*place, _BESIDE_M)].any())
+
+    def _largest(self, leave: Path) -> NDArray[np.bool_]:
+        """Return the cells of the largest part of the room that those who need room leave, where their paths end."""
+        fits = self._standable.copy()
+        for x_m, y_m in leave.ends:
+            fits &= np.hypot(self._terrain.cell_x - x_m, self._terrain.cell_y - y_m) >= leave.apart_m
+        parts, _ = ndimage.label(fits)
+        sizes = np.bincount(parts.ravel())
+        sizes[0] = 0
+        return np.asarray(parts == int(sizes.argmax())) & fits
 
 
 def _far(situation: Situation, place: Point) -> float:

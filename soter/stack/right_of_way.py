@@ -65,11 +65,13 @@ class Path:
         robot_id: the first of these robots in the order.
         lines: the next parts of their return paths, each from where the robot is.
         apart_m: distance that others keep from the lines.
+        ends: where the whole paths end.
     """
 
     robot_id: int
     lines: tuple[tuple[Point, ...], ...]
     apart_m: float
+    ends: tuple[Point, ...] = ()
 
     @property
     def start(self) -> Point:
@@ -84,9 +86,10 @@ class Path:
 
 @dataclass(slots=True)
 class _Homing:
-    """A robot on its way to charge: the part of its path that others leave, when it was found, and its progress."""
+    """A robot on its way to charge: the part of its path that others leave, its end, when found, and its progress."""
 
     line: tuple[Point, ...]
+    end: Point
     looked_s: float
     to_go_m: float
     progress_s: float
@@ -221,15 +224,15 @@ class RightOfWay:
             whole = ((own.x_m, own.y_m), *self._legs(robot_id, own.x_m, own.y_m))
             line, to_go_m = _beginning(whole, self._ahead_m(robot_id)), length_m(whole)
             if known is None:
-                homing[robot_id] = _Homing(line, now_s, to_go_m, now_s)
+                homing[robot_id] = _Homing(line, whole[-1], now_s, to_go_m, now_s)
                 continue
-            known.line, known.looked_s = line, now_s
+            known.line, known.end, known.looked_s = line, whole[-1], now_s
             if to_go_m < known.to_go_m - PROGRESS_M:
                 known.to_go_m, known.progress_s = to_go_m, now_s
             elif now_s - known.progress_s > TURN_S:
                 # Move it to the end of the order, and measure its progress anew.
                 del homing[robot_id]
-                homing[robot_id] = _Homing(line, now_s, to_go_m, now_s)
+                homing[robot_id] = _Homing(line, whole[-1], now_s, to_go_m, now_s)
         return bool(homing)
 
     def _make_room(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
@@ -242,7 +245,8 @@ class RightOfWay:
             charges = battery is not None and battery.mode is Controller.SC and self._docked(robot)
             if not ahead or charges or collision is None:
                 continue
-            path = Path(ahead[0][0], tuple(known.line for _, known in ahead), self._apart_m(ahead[0][0]))
+            first, lines = ahead[0][0], tuple(known.line for _, known in ahead)
+            path = Path(first, lines, self._apart_m(first), tuple(known.end for _, known in ahead))
             own = robot.situation.own
             if path.near(own.x_m, own.y_m, BESIDE_M if robot_id in before else 0.0):
                 to_leave[robot_id] = path

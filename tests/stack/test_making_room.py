@@ -16,9 +16,10 @@ from soter.stack.collision import FIRST_PATIENT_S
 from soter.stack.kit import RobotPort
 from soter.stack.retreat import ASIDE_S, PATIENT_S
 from soter.stack.right_of_way import BESIDE_M, LOOK_S, SETTLED_S, TURN_S, Path, RightOfWay, from_line
-from soter.stack.terrain import Point
+from soter.stack.terrain import Point, Terrain
+from tests.rta.doubles import At
 from tests.stack.follower import Controllers, Follower, Says
-from tests.stack.ground import EMPTY
+from tests.stack.ground import EMPTY, seen
 from tests.stack.loop import Loop, goto, where
 from tests.stack.test_right_of_way import Meeting
 
@@ -72,7 +73,7 @@ def test_a_robot_that_is_parked_on_anothers_station_is_moved() -> None:
     meeting.look(NOW_S + SETTLED_S + 0.05)
     assert meeting.collision(1) is Controller.SC
     assert "robot 2 has to get past" in meeting.rigs[1].modules["collision"].cause
-    assert meeting.leaving() == {1: Path(2, (((0.0, 0.0), (3.0, 0.0)),), APART_M)}
+    assert meeting.leaving() == {1: Path(2, (((0.0, 0.0), (3.0, 0.0)),), APART_M, ((3.0, 0.0),))}
     assert not meeting.rule.first(1)
     assert not meeting.permits(1)
     assert not meeting.rule.path_is_clear(2)
@@ -110,12 +111,12 @@ def test_who_stands_far_along_the_path_has_time() -> None:
     assert not meeting.leaving()
     meeting.put(2, (5.0, 0.0))
     meeting.look(NOW_S + 3.0)
-    assert meeting.leaving() == {1: Path(2, (((5.0, 0.0), (8.0, 0.0)),), APART_M)}
+    assert meeting.leaving() == {1: Path(2, (((5.0, 0.0), (8.0, 0.0)),), APART_M, ((10.0, 0.0),))}
     assert meeting.collision(1) is Controller.SC
     meeting.put(2, (8.5, 0.0))
     meeting.put(1, (9.9, 0.0))
     meeting.look(NOW_S + 4.0)
-    assert meeting.leaving() == {1: Path(2, (((8.5, 0.0), (10.0, 0.0)),), APART_M)}
+    assert meeting.leaving() == {1: Path(2, (((8.5, 0.0), (10.0, 0.0)),), APART_M, ((10.0, 0.0),))}
 
 
 @pytest.mark.parametrize(("docked", "mode", "left_alone"), [
@@ -259,6 +260,18 @@ def test_who_has_to_leave_a_path_gets_off_it_and_stays_off_it() -> None:
     before = robot.place
     robot.run(10.0)
     assert math.dist(robot.place, before) < 0.05
+
+
+def test_who_makes_room_is_not_sent_into_a_corner_behind_the_station_of_who_comes() -> None:
+    made, corner, coming = Controllers(EMPTY), At(0.15, 0.15), At(4.5, 4.5, robot_id=2)
+    made.refuges.aside = True
+    for ends, shut_in in (((), True), (((0.9, 0.9),), False)):
+        made.refuges.leave = Path(2, (((4.5, 4.5), (2.0, 2.0)),), 1.0, ends)
+        x_m, y_m = made.refuges.way(seen(corner, [coming]), 0.3)[-1]
+        assert (max(x_m, y_m) < 0.9) is shut_in
+    walled = Controllers(Terrain(Workspace(5.0, 5.0, (Box(0.0, 0.5, 0.6, 0.6), Box(0.5, 0.0, 0.6, 0.5)), ()), 0.105))
+    walled.refuges.aside, walled.refuges.leave = True, made.refuges.leave
+    assert walled.refuges.way(seen(corner, [coming]), 0.3), "better there than nowhere"
 
 
 # --- in closed loop ----------------------------------------------------------------------------------------
