@@ -57,6 +57,8 @@ _WHEEL_AT_M: Final = 0.07
 _MOTOR_N_M: Final = 10.0
 _BODY_KG: Final = 0.9
 _WHEEL_KG: Final = 0.05
+# That of a motor behind its gear. With lighter wheels the library takes far longer to find the forces.
+_WHEEL_KG_M2: Final = 1e-3
 _SHOWN_M: Final = 0.15
 # A robot is a chain of joints that begins where the robot does: it moves east, north and up, turns, and rolls to its
 # side, so that both wheels carry it. It cannot lean forward, and needs nothing that keeps it from that.
@@ -263,8 +265,9 @@ class PyBulletEngine:
         )
         bullet.resetJointState(robot, _TURN, spec.heading_rad, physicsClientId=client)
         # That of a cube around the robot.
-        inertia_kg_m2 = _BODY_KG * (2.0 * radius_m) ** 2 / 6.0
-        bullet.changeDynamics(robot, BODY, localInertiaDiagonal=[inertia_kg_m2] * 3, physicsClientId=client)
+        body_kg_m2 = _BODY_KG * (2.0 * radius_m) ** 2 / 6.0
+        for link, inertia in ((BODY, body_kg_m2), *((wheel_link, _WHEEL_KG_M2) for wheel_link in _WHEELS)):
+            bullet.changeDynamics(robot, link, localInertiaDiagonal=[inertia] * 3, physicsClientId=client)
         for link in range(joints):
             driven = link in _WHEELS
             bullet.changeDynamics(
