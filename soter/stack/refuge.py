@@ -14,7 +14,7 @@ from scipy import ndimage
 from soter.rta import Situation
 from soter.stack.own_rules import OwnRule
 from soter.stack.recovery import RecoveryPlanner
-from soter.stack.right_of_way import Path, from_line
+from soter.stack.right_of_way import BESIDE_M, Path, from_line
 from soter.stack.routes import Routes
 from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
@@ -245,7 +245,7 @@ class RefugeFinder:
         return self._may_leave(place) and all(rule.allows_stay(situation.robot_id, *place) for rule in self._kept)
 
     def _may_leave(self, place: Point) -> bool:
-        """Return whether a way leads out from a place once those who need room stand on their stations.
+        """Return whether refuges lead out from a place, past those who need room, once they stand on their stations.
 
         A robot in a corner behind a station would have to wait there until whoever charges has left.
         """
@@ -258,10 +258,10 @@ class RefugeFinder:
         return bool(outside[self._terrain.window(*place, _BESIDE_M)].any())
 
     def _largest(self, leave: Path) -> NDArray[np.bool_]:
-        """Return the cells of the largest part of the room that those who need room leave, where their paths end."""
-        fits = self._standable.copy()
+        """Return the largest connected part of the refuges that robots on their stations, where paths end, leave."""
+        fits = self.static.copy()
         for x_m, y_m in leave.ends:
-            fits &= np.hypot(self._terrain.cell_x - x_m, self._terrain.cell_y - y_m) >= leave.apart_m
+            fits &= np.hypot(self._terrain.cell_x - x_m, self._terrain.cell_y - y_m) >= leave.apart_m + BESIDE_M
         parts, _ = ndimage.label(fits)
         sizes = np.bincount(parts.ravel())
         sizes[0] = 0
