@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.util
 import inspect
+import os
 import re
 import sys
 import traceback
@@ -118,7 +120,9 @@ def load_named(target: str, refused: Refused, base: type | None = None) -> objec
 
 def _from_file(path: Path, target: str, refused: Refused) -> ModuleType:
     path = path.absolute()
-    name = f"soter_file_{re.sub(r'[^a-zA-Z0-9]', '_', str(path))}"
+    # Two files whose names differ in other characters only, such as a-b.py and a_b.py, are two modules.
+    digest = hashlib.sha256(os.fsencode(path)).hexdigest()[:16]
+    name = f"soter_file_{re.sub(r'[^a-zA-Z0-9]', '_', str(path))}_{digest}"
     loaded = sys.modules.get(name)
     if loaded is not None:
         return loaded

@@ -1,0 +1,27 @@
+"""Users' code by name: which file a name stands for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from soter.errors import ConfigError
+from soter.loading import load_named
+
+
+@pytest.mark.parametrize(
+    "names", [("zone-a.py", "zone_a.py"), ("zone a.py", "zone.a.py"), ("zön.py", "zän.py"), ("区.py", "域.py")]
+)
+def test_files_whose_names_differ_in_any_character_are_different_modules(
+    tmp_path: Path, names: tuple[str, str]
+) -> None:
+    for name in names:
+        (tmp_path / name).write_text(f"FILE = {name!r}\n", encoding="utf-8")
+    assert tuple(load_named(f"{tmp_path / name}:FILE", ConfigError) for name in names) == names
+
+
+def test_a_file_is_loaded_once(tmp_path: Path) -> None:
+    (tmp_path / "once.py").write_text("class Once:\n    pass\n")
+    first, second = (load_named(f"{tmp_path}/once.py:Once", ConfigError) for _ in range(2))
+    assert first is second
