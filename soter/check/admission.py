@@ -16,7 +16,7 @@ from soter.config import MissionFile
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Workspace
 from soter.rta import Port, Region, Topic
-from soter.rta.module import looks_at_peers, margin_of
+from soter.rta.module import looks_at_peers, margin_of, no_answer
 from soter.sdk import Backend, BackendConfig, Capabilities
 from soter.specs import asked, promises
 from soter.stack.actuator import PortForwarder
@@ -200,6 +200,13 @@ def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
         begins, docked = standing(robot_id, starts), standing(robot_id, stations)
         for module in each.modules:
             region = module.phi_safe
+            if region is not None and (why := no_answer(region, begins)):
+                raise IllFormedModule(
+                    module.name,
+                    "A13",
+                    f"its rule cannot be judged where robot {robot_id} starts, at ({each.place.x_m:g}, "
+                    f"{each.place.y_m:g}): {why}; a margin that is a number there would do",
+                )
             if region is not None and (margin := margin_of(region, begins)) < 0.0:
                 raise IllFormedModule(
                     module.name,
@@ -228,6 +235,13 @@ def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
                 )
             if not (of_users and charges and isinstance(safer, Region)):
                 continue
+            if why := no_answer(safer, docked):
+                raise IllFormedModule(
+                    module.name,
+                    "P2b",
+                    f"it keeps robot {robot_id} from its AC while all robots charge: with each on its station the "
+                    f"margin of phi_safer fails: {why}; a margin that is a number there would do",
+                )
             if (margin := margin_of(safer, docked)) < 0.0:
                 raise IllFormedModule(
                     module.name,

@@ -113,6 +113,17 @@ def margin_of(region: Region, situation: Situation) -> float:
     return _answer(region, situation.copy())
 
 
+def no_answer(region: Region, situation: Situation) -> str:
+    """Return, in words, why a region's margin of a situation is no number; empty if it is one."""
+    try:
+        margin = plain(region.margin(situation.copy()))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # noqa: BLE001 - foreign code
+        return account_of(failure)
+    return "it is not a number" if math.isnan(margin) else ""
+
+
 def looks_at_peers(region: Region, situation: Situation) -> bool:
     """Return whether a region's margin reads the peers of the situation, which must have some."""
     watched = situation.copy()

@@ -241,6 +241,30 @@ def too_many(kit: ModuleKit, options: Options, more: int) -> RTAModule:
     return right(kit)
 
 
+@dataclass(frozen=True)
+class Unheard(EastOf):
+    """A rule that fails wherever it is asked."""
+
+    def margin(self, situation: Situation) -> float:
+        raise KeyError("no map here")
+
+
+def adds_to_the_margin(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), keep=-5.0)
+
+
+def hardly_ever(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), delta_s=1e9)
+
+
+def unheard(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), phi_safe=Unheard())
+
+
+def unheard_where_it_is_safer(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), phi_safer=Unheard(1.5))
+
+
 def of_equals(kit: ModuleKit) -> RTAModule:
     """A rule about pairs whose peers are taken for robots like its own."""
     made = right(kit)

@@ -163,6 +163,7 @@ DECLARED: dict[str, tuple[str, RTAModule]] = {
     "it fails when it is evaluated": ("P3", module(phi_safer=EastOf())),
     "at the edge of phi_safer it is only 0.010 m": ("P3", module(phi_safer=Above(0.01))),
 }
+EAST = RobotPlace(1, 2.0, 1.0, Box(1.8, 0.8, 2.2, 1.2))
 # The others, which need more than a declaration.
 OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
     "its rule does not hold where robot 1 starts, at (0.5, 1): the margin is -0.500 m": (
@@ -173,6 +174,16 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
             ["geofence"], RobotPlace(1, 2.0, 1.0, Box(1.8, 0.8, 2.2, 1.2)),
             RobotPlace(2, 4.0, 4.0, Box(3.8, 3.8, 4.2, 4.2)), name="alone",
         ),
+    ),
+    "keep is -5, allowed: 0 or more": ("P3", lambda: users_rule(["geofence"], EAST, name="adds_to_the_margin")),
+    "delta_s is 1e+09, allowed: above 0, at most 60": (
+        "P1a", lambda: users_rule(["geofence"], EAST, name="hardly_ever"),
+    ),
+    "its rule cannot be judged where robot 1 starts, at (2, 1): KeyError('no map here')": (
+        "A13", lambda: users_rule(["geofence"], EAST, name="unheard"),
+    ),
+    "with each on its station the margin of phi_safer fails: KeyError('no map here')": (
+        "P2b", lambda: users_rule(["battery"], EAST, name="unheard_where_it_is_safer"),
     ),
     "with each on its station the margin of phi_safer is": (
         "P2b", lambda: users_rule(["battery"], RobotPlace(1, 2.0, 1.0, Box(0.8, 0.8, 1.2, 1.2))),

@@ -22,6 +22,7 @@ from soter.loading import load_named
 from soter.rta import RTAModule, Topic
 from soter.stack.certified_controller import CertifiedController
 from soter.stack.module_kit import ModuleKit
+from soter.stack.modules.usable import check_usable
 from soter.stack.safe_controller import SafeController
 
 ENTRY_POINT_GROUP: Final = "soter.modules"
@@ -80,6 +81,7 @@ def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -
         )
     function = load_named(named, refused)
     if isinstance(function, RTAModule):
+        check_usable(function, kit.name, target, kit.timing, refused)
         return _copied(function, target, kit, waypoint, refused)
     if not callable(function):
         raise refused(f"'{target}' is a {type(function).__name__}, allowed: a function that takes a ModuleKit")
@@ -93,10 +95,10 @@ def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -
         raise refused(f"'{target}' takes no options, but `{key}.options` gives {', '.join(options)}")
     try:
         made = function(*arguments)
+        if table is not None and isinstance(made, RTAModule):
+            check_usable(made, kit.name, target, kit.timing, refused)
         bound = _bound(made, kit, kit.waypoint, waypoint) if isinstance(made, RTAModule) else None
-    except IllFormedModule:
-        raise
-    except KeyboardInterrupt:
+    except (ConfigError, IllFormedModule, KeyboardInterrupt):
         raise
     except BaseException as failure:  # foreign code
         raise refused(f"'{target}' failed: {account_of(failure)}; this is a fault of that function") from failure
@@ -107,7 +109,7 @@ def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -
 
 def _bound(made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Any]) -> RTAModule:
     """Return the module with a safe controller that drives by certified legs: its own, or a wrapper around it."""
-    if kit.name not in BUILT_IN and not math.isfinite(made.lets_go_s):
+    if kit.name not in BUILT_IN and made.lets_go_s == math.inf:
         made = replace(made, lets_go_s=LETS_GO_S)
     if isinstance(made.sc, SafeController):
         made.sc.waypoint = waypoint
