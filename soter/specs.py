@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from soter.config import MissionFile, validate_options
-from soter.errors import BackendError, ConfigError, SoterError, account_of, floor_m, nearest
+from soter.errors import BackendError, SoterError, account_of, floor_m, nearest
 from soter.faults import FaultTable, read_faults
 from soter.faults.robot import widened
 from soter.faults.telemetry import BatteryOptions
@@ -214,7 +215,7 @@ def check_bodies(mission: MissionFile, workspace: Workspace, radius_m: Mapping[i
 
 
 def _refuse_misspelt_tables(mission: MissionFile) -> None:
-    """Refuse tables of options for backends and planners with misspelt names, which would be ignored otherwise.
+    """Refuse a misspelt planner, and tables of options for misspelt backends and planners, which would be ignored.
 
     A user would rely on the options in them. A backend that is not installed here may have a table, with a warning.
     """
@@ -227,8 +228,5 @@ def _refuse_misspelt_tables(mission: MissionFile) -> None:
         if close:
             raise mission.refusal(key, problem)
         logger.warning("%s is not used: %s", key, problem)
-    for name in mission.planners:
-        try:
-            check_name(name)
-        except ConfigError as failure:
-            raise mission.refusal(dotted("planners", name), str(failure)) from failure
+    for key, name in (("planner", mission.planner), *((dotted("planners", name), name) for name in mission.planners)):
+        check_name(name, partial(mission.refusal, key))

@@ -60,30 +60,15 @@ def controller_class(mission: MissionFile) -> type[Controller]:
     return found
 
 
-def build(
-    mission: MissionFile, robot_ids: Collection[int], elsewhere: Collection[int] = ()
-) -> dict[tuple[int, ...], Controller]:
-    """Make the controllers that a mission's `ac` names, with the options of its table; return them by their robots.
+def options_of(mission: MissionFile, found: type[Controller]) -> BaseModel:
+    """Return the options of a mission's controllers, whose class is `found`.
 
-    The options of an adversary are in `[adversaries.NAME]`, those of any other class in `[controllers.CLASS]`.
-
-    Args:
-        mission: the mission.
-        robot_ids: the robots that this process drives.
-        elsewhere: the robots that other processes of the mission drive.
+    Those of an adversary are in `[adversaries.NAME]`, those of any other class in `[controllers.CLASS]`.
 
     Raises:
-        ConfigError: see `controller_class`; an option is unknown or not allowed; a table is for an unknown class; a
-            controller cannot be made; or one that has to drive all robots would only drive those of this process.
+        ConfigError: an option is unknown or not allowed, or a table is for an unknown class.
     """
-    found, name = controller_class(mission), mission.ac
-    if elsewhere and found.fleet and not found.per_process:
-        robots = "robot" if len(elsewhere) == 1 else "robots"
-        away = f"but {robots} {', '.join(map(str, sorted(elsewhere)))} of other processes cannot be driven from here"
-        allowed = "all robots in one process, a class for one robot, or one with per_process = True"
-        raise mission.refusal(
-            "ac", f"it is '{name}', which drives all robots together (fleet = True), {away}; allowed: {allowed}"
-        )
+    name = mission.ac
     for other in mission.adversaries:
         if other not in ADVERSARIES:
             known = f"allowed: {', '.join(ADVERSARIES)}; the options of other classes stand in [controllers.CLASS]"
@@ -95,9 +80,35 @@ def build(
         group, table, tables = "adversaries", name.removeprefix(PREFIX), mission.adversaries
     elif table not in tables and (close := nearest(table, [*tables])):
         raise mission.refusal(group, f"there is no table for '{table}'{close}; an empty one will do")
-    options = validate_options(
-        found.Options, tables.get(table, {}), mission.source, f"{group}.{table}", overridden=mission.overridden
+    model: type[BaseModel] = found.Options
+    return validate_options(
+        model, tables.get(table, {}), mission.source, f"{group}.{table}", overridden=mission.overridden
     )
+
+
+def build(
+    mission: MissionFile, robot_ids: Collection[int], elsewhere: Collection[int] = ()
+) -> dict[tuple[int, ...], Controller]:
+    """Make the controllers that a mission's `ac` names, with the options of its table; return them by their robots.
+
+    Args:
+        mission: the mission.
+        robot_ids: the robots that this process drives.
+        elsewhere: the robots that other processes of the mission drive.
+
+    Raises:
+        ConfigError: see `controller_class` and `options_of`; a controller cannot be made; or one that has to drive all
+            robots would only drive those of this process.
+    """
+    found, name = controller_class(mission), mission.ac
+    if elsewhere and found.fleet and not found.per_process:
+        robots = "robot" if len(elsewhere) == 1 else "robots"
+        away = f"but {robots} {', '.join(map(str, sorted(elsewhere)))} of other processes cannot be driven from here"
+        allowed = "all robots in one process, a class for one robot, or one with per_process = True"
+        raise mission.refusal(
+            "ac", f"it is '{name}', which drives all robots together (fleet = True), {away}; allowed: {allowed}"
+        )
+    options = options_of(mission, found)
     parts = [tuple(robot_ids)] if found.fleet else [(robot_id,) for robot_id in robot_ids]
     try:
         return {part: found(options) for part in parts}

@@ -66,6 +66,16 @@ def not_awaited(found: type[Mission]) -> str:
     return ""
 
 
+def options_of(file: MissionFile, found: type[Mission]) -> Mission.Options:
+    """Return the options of a mission, whose class is `found`, from its table.
+
+    Raises:
+        ConfigError: an option is unknown or not allowed.
+    """
+    model: type[Mission.Options] = found.Options
+    return validate_options(model, file.options, file.source, "mission", overridden=file.overridden)
+
+
 def make_mission(file: MissionFile) -> Mission:
     """Return the mission that a mission file names, with the options of its table.
 
@@ -73,7 +83,7 @@ def make_mission(file: MissionFile) -> Mission:
         ConfigError: see `mission_class`; an option is unknown or not allowed, or making the mission fails.
     """
     found = mission_class(file)
-    options = validate_options(found.Options, file.options, file.source, "mission", overridden=file.overridden)
+    options = options_of(file, found)
     try:
         return found(options)
     except KeyboardInterrupt:

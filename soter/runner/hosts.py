@@ -1,16 +1,20 @@
-"""Makes the mission host that a mission asks for."""
+"""Makes the mission host that a mission asks for, and says before that whether there is one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
-from soter.config import MissionFile
+from soter import controllers, missions
+from soter.config import MissionFile, validate_options
 from soter.controllers import MISSION
 from soter.geometry.workspace import Workspace
+from soter.problems import dotted
 from soter.runner.controller_host import ControllerHost
 from soter.runner.machine_host import MachineHost
 from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part
+from soter.stack.planners.names import PlannerUnavailable, planner_class
 
 
 def make_host(
@@ -37,3 +41,25 @@ def make_host(
     if mission.ac != MISSION:
         return ControllerHost(mission, workspace, part)
     return MachineHost(mission, workspace, body_radius_m, virtual_time=virtual_time, part=part)
+
+
+def check_names(mission: MissionFile) -> None:
+    """Check what a mission names for its ACs: its script or controller, its planner, and their options.
+
+    Nothing is made of them. A planner whose library is not installed here passes.
+
+    Raises:
+        ConfigError: there is no such mission, controller or planner, or it does not allow an option.
+    """
+    if mission.ac != MISSION:
+        controllers.options_of(mission, controllers.controller_class(mission))
+        return
+    missions.options_of(mission, missions.mission_class(mission))
+    try:
+        planner = planner_class(mission.planner, partial(mission.refusal, "planner"))
+    except PlannerUnavailable:
+        return
+    validate_options(
+        planner.options_model, mission.planners.get(mission.planner, {}), mission.source,
+        dotted("planners", mission.planner), overridden=mission.overridden,
+    )  # fmt: skip

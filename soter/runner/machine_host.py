@@ -8,7 +8,7 @@ from typing import Final
 
 from soter.clock import Clock
 from soter.config import MissionFile
-from soter.errors import SoterError, account_of
+from soter.errors import ConfigError, SoterError, account_of
 from soter.geometry.workspace import Workspace
 from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.missions import ScriptFailed, Stage, make_mission
@@ -71,7 +71,8 @@ class MachineHost:
         # Without robots there are no paths to plan.
         self._plans: Final = None if part is not None and not part.robots else PlanService(
             PlannerSpec(
-                mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}), mission.source
+                mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}), mission.source,
+                mission.overridden,
             ),
             virtual_time=virtual_time, box=box_of(mission),
         )  # fmt: skip
@@ -94,8 +95,15 @@ class MachineHost:
 
     def ready(self) -> None:
         """Wait until the planner's processes answer."""
-        if self._plans is not None:
+        if self._plans is None:
+            return
+        try:
             self._plans.ready()
+        except ConfigError as failure:
+            if failure.key != "planner" or failure.source is not None:
+                raise
+            # The planner's own process knows neither file nor line of its name.
+            raise self._mission.refusal("planner", str(failure).removeprefix("planner: ")) from failure
 
     def receive(self) -> None:
         """Do nothing: nothing runs in another process."""

@@ -181,6 +181,31 @@ def test_what_is_wrong_is_named_and_exit_code_2(words: tuple[str, ...], message:
 
 
 @pytest.mark.parametrize(
+    "setting",
+    [
+        "ac=adversary:chaise",
+        "ac=nowhere.py:Greedy",
+        "planner=straight_line",
+        "planner=nowhere:Planner",
+        "planners.straight-line.nowhere=1",
+        "mission=nowhere.py",
+        "mission.nowhere=1",
+    ],
+)
+def test_what_a_run_refuses_of_what_a_mission_names_is_refused_in_the_same_words(setting: str) -> None:
+    words = (str(EXAMPLES / "surveillance.toml"), "--set", "planner=straight-line", "--backend", "kinematic")
+    if setting.startswith("planner="):
+        words = (words[0], *words[3:])
+    said = []
+    for command, more in (("run", ("--no-record", "--duration", "1")), ("check", ("--budget", "2"))):
+        done = CliRunner().invoke(app, [command, *words, "--set", setting, *more])
+        assert done.exit_code == 2, (command, done.output)
+        said.append(done.output.splitlines()[-1])
+    assert len({*said}) == 1, said
+    assert "command line: " in said[0]
+
+
+@pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"vector": [0.5]}, "its point has 1 numbers, and 11 are needed"),

@@ -10,7 +10,7 @@ from soter.config.options import validate_options
 from soter.errors import BackendUnavailable, ConfigError
 from soter.geometry.workspace import Workspace
 from soter.hints import install_command
-from soter.loading import known_target, load_class
+from soter.loading import Refused, known_target, load_class
 from soter.problems import dotted
 from soter.stack.planners.base import Planner, PlanRequest, PlanResult
 
@@ -33,23 +33,27 @@ def _refused(message: str) -> ConfigError:
     return ConfigError(message, key="planner")
 
 
-def check_name(name: str) -> None:
-    """Raise ConfigError unless `name` is a built-in planner or has the form of a class. Imports nothing."""
-    known_target(name, BUILT_IN, "planner", _refused)
+def check_name(name: str, refused: Refused = _refused) -> None:
+    """Raise ConfigError, made by `refused`, unless `name` is a built-in planner or has the form of a class.
+
+    Imports nothing.
+    """
+    known_target(name, BUILT_IN, "planner", refused)
 
 
-def planner_class(name: str) -> type[Planner]:
+def planner_class(name: str, refused: Refused = _refused) -> type[Planner]:
     """Import and return a planner class.
 
     Args:
         name: a built-in name, or `module:Class`.
+        refused: makes the error.
 
     Raises:
         ConfigError: there is no such planner, or the name is that of something else.
         PlannerUnavailable: a library that it needs is not installed.
     """
     try:
-        return load_class(name, known_target(name, BUILT_IN, "planner", _refused), Planner, _refused)
+        return load_class(name, known_target(name, BUILT_IN, "planner", refused), Planner, refused)
     except ConfigError as error:
         if name in BUILT_IN and isinstance(error.__cause__, ImportError):
             hint = f"planner '{name}' needs OMPL, which cannot be imported ({error.__cause__}); install it with: "
@@ -67,6 +71,7 @@ class PlannerSpec:
         body_radius_m: radius of the robots' round bodies, in metres; by robot id if they differ.
         options: the raw table `[planners.NAME]`.
         source: the mission file with the table, for error messages.
+        overridden: keys that came from the command line instead, likewise.
     """
 
     name: str
@@ -74,6 +79,7 @@ class PlannerSpec:
     body_radius_m: float | Mapping[int, float]
     options: Mapping[str, Any] = field(default_factory=dict)
     source: str | None = None
+    overridden: tuple[tuple[str, ...], ...] = ()
 
     def build(self) -> Planner:
         """Build the planner in this process. The mission uses `PlanService`, which does this in a worker.
@@ -83,7 +89,9 @@ class PlannerSpec:
             PlannerUnavailable: a library that it needs is not installed.
         """
         kind, radii_m = planner_class(self.name), self.body_radius_m
-        checked = validate_options(kind.options_model, self.options, self.source, dotted("planners", self.name))
+        checked = validate_options(
+            kind.options_model, self.options, self.source, dotted("planners", self.name), overridden=self.overridden
+        )
         if not isinstance(radii_m, Mapping):
             return kind(self.workspace, radii_m, checked)
         planners = {radius_m: kind(self.workspace, radius_m, checked) for radius_m in sorted(set(radii_m.values()))}
