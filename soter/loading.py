@@ -180,5 +180,6 @@ def described(failure: BaseException, path: Path | None) -> str:
 
 def line_in(path: Path | None, failure: BaseException) -> str:
     """Return the last line of a file in an exception's traceback, as the end of a message; empty without one."""
-    inside = [each for each in traceback.extract_tb(failure.__traceback__) if path and each.filename == str(path)]
+    file = "" if path is None else str(path.absolute())  # as it was when it was loaded
+    inside = [each for each in traceback.extract_tb(failure.__traceback__) if file and each.filename == file]
     return f" ({path.name}, line {inside[-1].lineno})" if inside and path else ""

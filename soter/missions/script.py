@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -119,8 +119,8 @@ class Robot(Peer):
         Waypoint(x_m, y_m).check()
         if timeout_s is not None and not 0.0 < timeout_s <= LONGEST_S:
             raise ValueError(f"timeout_s is {timeout_s}, allowed: above 0, at most {LONGEST_S:g}")
-        if not 1 <= tries <= MOST_TRIES:
-            raise ValueError(f"tries is {tries}, allowed: from 1 to {MOST_TRIES}")
+        if not (1 <= tries <= MOST_TRIES and tries == int(tries)):
+            raise ValueError(f"tries is {tries}, allowed: a whole number from 1 to {MOST_TRIES}")
         return await self._script.visit(self._agent, (float(x_m), float(y_m)), timeout_s, int(tries))
 
     async def sleep(self, duration_s: float) -> None:
@@ -132,13 +132,25 @@ class Robot(Peer):
 
         Returns:
             True once it holds; False if the time is up.
+
+        Raises:
+            TypeError: the condition is a coroutine, which would count as true before it has been asked.
+            ValueError: the time-out is not allowed.
         """
+        if math.isnan(timeout_s):
+            raise ValueError(f"timeout_s is {timeout_s}, allowed: a number of seconds, or none for no end")
         end_s = self.now() + timeout_s
-        while not condition():
+        while True:
+            holds: object = condition()
+            if isinstance(holds, Awaitable):
+                if isinstance(holds, Coroutine):
+                    holds.close()  # else Python warns that nobody has awaited it
+                raise TypeError("the condition of until is a coroutine, allowed: a function that is not async")
+            if holds:
+                return True
             if not self.now() < end_s:
                 return False
             await self._script.sleep(0.0)
-        return True
 
 
 class Wake(Event):

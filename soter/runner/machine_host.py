@@ -10,6 +10,7 @@ from soter.clock import Clock
 from soter.config import MissionFile
 from soter.errors import ConfigError, SoterError, account_of
 from soter.geometry.workspace import Workspace
+from soter.loading import file_of, line_in
 from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.missions import ScriptFailed, Stage, make_mission
 from soter.record.messages import TransitionEvent
@@ -143,9 +144,10 @@ class MachineHost:
                 self._mission_code.start(stage)
             except KeyboardInterrupt:
                 raise
-            except BaseException as failure:
-                logger.exception("the mission failed")
-                self.failures[None] = f"the mission failed: {account_of(failure)}"
+            except BaseException as failure:  # noqa: BLE001 - foreign code, whose line is named in place of a traceback
+                where = line_in(file_of(self._mission.mission.use), failure)
+                self.failures[None] = f"the mission failed: {account_of(failure)}{where}"
+                logger.error("%s", self.failures[None])
         elif part is not None and messages is not None:
             agents = {
                 robot_id: MachineRef(robot_id, f"RobotAgent {robot_id}", process)

@@ -193,9 +193,9 @@ def test_what_is_wrong_is_named_and_exit_code_2(words: tuple[str, ...], message:
     ],
 )
 def test_what_a_run_refuses_of_what_a_mission_names_is_refused_in_the_same_words(setting: str) -> None:
-    words = (str(EXAMPLES / "surveillance.toml"), "--set", "planner=straight-line", "--backend", "kinematic")
-    if setting.startswith("planner="):
-        words = (words[0], *words[3:])
+    words = [str(EXAMPLES / "surveillance.toml"), "--backend", "kinematic"]
+    if not setting.startswith("planner="):
+        words += ["--set", "planner=straight-line"]
     said = []
     for command, more in (("run", ("--no-record", "--duration", "1")), ("check", ("--budget", "2"))):
         done = CliRunner().invoke(app, [command, *words, "--set", setting, *more])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
@@ -202,6 +203,24 @@ class UsesOther(Mission):
         if robot.id == 1:
             await self.handles[2].sleep(1.0)
         await robot.sleep(100.0)
+
+
+class WaitsForCoroutine(Mission):
+    async def run(self, robot: Robot) -> None:
+        async def arrived() -> bool:
+            return False
+
+        await robot.until(arrived)  # type: ignore[arg-type] # what a user has got wrong
+
+
+class WaitsForNoNumber(Mission):
+    async def run(self, robot: Robot) -> None:
+        await robot.until(lambda: False, timeout_s=math.nan)
+
+
+class TriesInHalves(Mission):
+    async def run(self, robot: Robot) -> None:
+        await robot.go_to(2.0, 2.0, tries=1.5)  # type: ignore[arg-type]
 
 
 class CannotBegin(Mission):

@@ -163,6 +163,12 @@ def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other(caplog: pytest
         ("UsesOther", "after() of UsesOther 2"),
         ("Exits", "SystemExit: 7"),
         ("Cancels", "CancelledError: "),
+        (
+            "WaitsForCoroutine",
+            "TypeError: the condition of until is a coroutine, allowed: a function that is not async",
+        ),
+        ("WaitsForNoNumber", "ValueError: timeout_s is nan, allowed: "),
+        ("TriesInHalves", "ValueError: tries is 1.5, allowed: a whole number from 1 to "),
     ],
 )
 def test_what_a_script_may_not_do_is_named(name: str, words: str) -> None:
@@ -214,10 +220,22 @@ def test_a_mission_that_never_comes_to_rest_ends_the_run(name: str, says: str, m
     assert says in result.failure
 
 
-def test_a_mission_that_cannot_begin_leaves_its_robots_to_their_safe_controllers() -> None:
-    result = ran("CannotBegin", duration_s=1.0).result
+def test_a_mission_that_cannot_begin_leaves_its_robots_to_their_safe_controllers(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "idle.py"
+    file.write_text(
+        "from soter import Mission\n\n\nclass CannotBegin(Mission):\n    def begin(self, stage):\n"
+        "        raise RuntimeError('no stage')\n"
+    )
+    for part in (ROOM, ROOM.with_suffix(".xml")):
+        (tmp_path / part.name).write_text(part.read_text())
+    monkeypatch.chdir(tmp_path)
+    result = run_mission(told("idle.py:CannotBegin", file=Path(ROOM.name), duration_s=1.0)).result
     assert (result.status, set(result.failed_robots)) == ("failed", {1, 2})
-    assert "no stage" in result.failure
+    assert "RuntimeError('no stage') (idle.py, line 6)" in result.failure
+    # What is the user's own is named with its line, in place of a traceback.
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_in_a_process_of_its_own_it_is_the_same(caplog: pytest.LogCaptureFixture) -> None:
