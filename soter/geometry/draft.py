@@ -272,7 +272,10 @@ def _robots(draft: Draft, *, inhabited: bool) -> tuple[RobotPlace, ...]:
                 spot.line,
             )
         if not MIN_STATION_M <= spot.side_m <= MAX_COORDINATE_M:
-            draft.note(spot.name, f"it is {spot.side_m:g} m wide, allowed: at least {MIN_STATION_M:g} m", spot.line)
+            allowed = (
+                f"at least {MIN_STATION_M:g} m" if spot.side_m < MIN_STATION_M else f"at most {MAX_COORDINATE_M:g} m"
+            )
+            draft.note(spot.name, f"it is {spot.side_m:g} m wide, allowed: {allowed}", spot.line)
     if not stations and inhabited:
         draft.note(
             "stations",
@@ -283,7 +286,9 @@ def _robots(draft: Draft, *, inhabited: bool) -> tuple[RobotPlace, ...]:
             "stations",
             f"{len(stations)} stations for {len(starts)} robots; each robot needs one, in the order of the robots",
         )
-    ids = [spot.robot_id or number for number, spot in enumerate(starts or stations, start=1)]
+    ids = [
+        number if spot.robot_id is None else spot.robot_id for number, spot in enumerate(starts or stations, start=1)
+    ]
     for robot_id in ids:
         if not 1 <= robot_id <= MAX_ROBOT_ID:
             draft.note("robots", f"id is {robot_id}, allowed: a whole number from 1 to {MAX_ROBOT_ID}")

@@ -46,11 +46,19 @@ class Projection:
         self._up: Final = (cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
 
     def point(self, lat_deg: float, lon_deg: float) -> Point:
-        """Return east and north in metres of a place on the ellipsoid."""
+        """Return east and north in metres of a place on the ellipsoid.
+
+        Places on the other half of the earth lie below those of this one; they are shown as far away as they are.
+        """
         # Given integers, the library would compute with the smallest float type that holds them.
         lat_deg, lon_deg = float(lat_deg), float(lon_deg)
-        east, north, _ = self._to_plane(lat_deg, lon_deg, 0.0, self.origin.lat_deg, self.origin.lon_deg, 0.0)
-        return float(east), float(north)
+        east, north, up = map(
+            float, self._to_plane(lat_deg, lon_deg, 0.0, self.origin.lat_deg, self.origin.lon_deg, 0.0)
+        )
+        if up > -self._lengths_m[-1]:
+            return east, north
+        aside_m, away_m = math.hypot(east, north), math.hypot(east, north, up)
+        return (east * away_m / aside_m, north * away_m / aside_m) if aside_m > 0.0 else (away_m, 0.0)
 
     def place(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Return latitude and longitude in degrees of the place on the ellipsoid below or above a point."""
@@ -104,4 +112,7 @@ def middle_of(places: Iterable[Sequence[float]]) -> GeoOrigin:
     """Return the middle of places, given as latitude and longitude, to the seventh decimal, about a centimetre."""
     known = list(places)
     lats, lons = [lat for lat, _ in known], [lon for _, lon in known]
-    return GeoOrigin(round((min(lats) + max(lats)) / 2.0, 7), round((min(lons) + max(lons)) / 2.0, 7))
+    if max(lons) - min(lons) > 180.0:  # they lie on both sides of the meridian at which longitudes end
+        lons = [lon % 360.0 for lon in lons]
+    middle_deg = math.remainder(round((min(lons) + max(lons)) / 2.0, 7), 360.0)
+    return GeoOrigin(round((min(lats) + max(lats)) / 2.0, 7), middle_deg)

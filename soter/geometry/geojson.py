@@ -104,7 +104,8 @@ def _looks_right(draft: Draft, number: int, feature: Any) -> bool:
     for key in ("height_m", "radius_m", "side_m", "heading_deg"):
         value = properties.get(key, 1.0)
         if not is_number(value) or not math.isfinite(value) or (key != "heading_deg" and value <= 0.0):
-            draft.note(name, f"its property {key} is {shown_value(value)}, allowed: a number above 0")
+            allowed = "a number" if key == "heading_deg" else "a number above 0"
+            draft.note(name, f"its property {key} is {shown_value(value)}, allowed: {allowed}")
             return False
     if not isinstance(robot := properties.get("robot", 1), int) or isinstance(robot, bool):
         draft.note(name, f"its property robot is {shown_value(robot)}, allowed: a whole number")

@@ -12,13 +12,13 @@ from typing import Annotated, Any, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from soter.errors import ConfigError
 from soter.geometry.cells import MAX_CELLS, Bits, pack
 from soter.geometry.draft import MAX_COORDINATE_M, Draft, Outline
 from soter.geometry.grid import GridMap
-from soter.problems import config_error, not_allowed, pydantic_problems, read_limited, shown_value
+from soter.problems import config_error, pydantic_problems, read_limited, shown_value
 
 MAX_IMAGE_BYTES: Final = 4 * MAX_CELLS
 _LEAST_CELLS: Final = 3
@@ -52,14 +52,17 @@ class MapTable(BaseModel):
     origin: Annotated[tuple[Metres, Metres, Yaw], Field(strict=False)]
     occupied_thresh: Share
     free_thresh: Share
-    negate: Annotated[int, Field(ge=0, le=1)] | bool = 0
+    negate: Annotated[int, BeforeValidator(lambda said: int(said) if isinstance(said, bool) else said)] = Field(
+        default=0, ge=0, le=1
+    )
     mode: Literal["trinary", "scale"] = "trinary"
     unknown: Literal["obstacle", "free"] = "obstacle"
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if self.free_thresh >= self.occupied_thresh:
-            raise not_allowed("a free_thresh below occupied_thresh")
+            free, occupied = self.free_thresh, self.occupied_thresh
+            raise ValueError(f"free_thresh is {free:g}, allowed: below occupied_thresh, which is {occupied:g}")
         return self
 
 
@@ -93,6 +96,7 @@ def _yaml(data: bytes, source: str) -> dict[Any, Any]:
         ) from failure
     try:
         found = yaml.safe_load(data)
+        keys = getattr(yaml.compose(data, yaml.SafeLoader), "value", ()) if isinstance(found, dict) else ()
     except yaml.MarkedYAMLError as failure:
         line = None if failure.problem_mark is None else failure.problem_mark.line + 1
         raise ConfigError(f"not valid YAML: {failure.problem}", source=source, line=line) from failure
@@ -100,6 +104,12 @@ def _yaml(data: bytes, source: str) -> dict[Any, Any]:
         raise ConfigError(f"not valid YAML: {failure}", source=source) from failure
     if not isinstance(found, dict):
         raise ConfigError(f"it is {shown_value(found)}, allowed: a map's keys, such as image", source=source)
+    seen: set[str] = set()
+    for key, _ in keys:
+        # YAML has each key once; its readers take the first one, or the last.
+        if key.value in seen:
+            raise ConfigError("it is given twice", source=source, line=key.start_mark.line + 1, key=key.value)
+        seen.add(key.value)
     return {str(key): value for key, value in found.items()}
 
 

@@ -276,6 +276,27 @@ def test_bad_maps_are_refused_by_key(key: str, change: dict[str, Any], tmp_path:
 
 
 @pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"free_thresh": 0.65}, "free_thresh is 0.65, allowed: below occupied_thresh, which is 0.65"),
+        ({"negate": 2}, "negate: it is 2, allowed: at most 1"),
+        ({"negate": "no"}, "negate: it is 'no', allowed: a whole number"),
+    ],
+)
+def test_what_is_allowed_of_a_map_is_said_once(change: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as refused:
+        read_workspace(written(tmp_path, **change), inhabited=False)
+    assert str(refused.value) == f"{tmp_path / 'map.yaml'}: {said}"
+
+
+def test_a_key_that_is_given_twice_is_refused_with_its_line(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    file.write_text(file.read_text().replace("{", '{"resolution": 5.0,\n', 1))
+    with pytest.raises(ConfigError, match=r"map.yaml:2: resolution: it is given twice"):
+        read_workspace(file, inhabited=False)
+
+
+@pytest.mark.parametrize(
     "text", ["", "- 1", "image: [", "a: &a [*a]", "\0", "[" * 400, "image: !!python/name:os.system"]
 )
 def test_what_is_no_map_is_refused(text: str, tmp_path: Path) -> None:

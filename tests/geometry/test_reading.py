@@ -130,6 +130,32 @@ def test_the_error_of_the_plane_is_bounded() -> None:
             assert abs(float(true_m) - far_m) <= bound_m + 1e-3
 
 
+@pytest.mark.parametrize("name", ["a.geojson", "a.plan", "a.kml"])
+def test_a_site_where_longitudes_end_is_like_any_other(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tests.geometry.test_reading.ORIGIN", GeoOrigin(-17.0, 180.0))
+    without_origin = geojson()
+    del without_origin["origin"]
+    texts: dict[str, str | dict[str, Any]] = {"a.geojson": without_origin, "a.plan": plan(), "a.kml": kml()}
+    made = read(tmp_path / name, texts[name])
+    assert made.plan.origin is not None
+    assert made.plan.fence is not None
+    assert abs(made.plan.origin.lon_deg) == pytest.approx(180.0, abs=1e-3)
+    project = Projection(made.plan.origin, "test")
+    east, north = project.point(*earth((0.0, 0.0)))
+    for (x, y), (found_x, found_y) in zip(FENCE, made.plan.fence, strict=True):
+        assert (found_x - east, found_y - north) == pytest.approx((x, y), abs=1e-3)
+        assert project.point(*project.place(found_x, found_y)) == pytest.approx((found_x, found_y), abs=1e-6)
+
+
+@pytest.mark.parametrize("origin", [[-170.55, -47.62], [-170.56, -47.6], [9.5, -47.6], [100.0, 0.0]])
+def test_an_origin_on_the_other_side_of_the_earth_is_too_far_away(origin: list[float], tmp_path: Path) -> None:
+    assert "is too far away, allowed: at most 20000 m" in refusal(
+        tmp_path / "a.geojson", {**geojson(), "origin": origin}
+    )
+
+
 def test_whole_degrees_are_as_exact_as_others() -> None:
     project = Projection(GeoOrigin(47.0, 9.0), "test")
     assert project.point(47, 10) == project.point(47.0, 10.0)
@@ -198,6 +224,23 @@ def test_one_feature_that_is_wrong_is_all_that_is_complained_of(change: Any, tmp
     said = refusal(tmp_path / "bad.geojson", bad)
     assert "feature 3: " in said
     assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("properties", "said"),
+    [
+        ({"soter": "start", "robot": 0}, "id is 0, allowed: a whole number from 1 to 254"),
+        ({"soter": "start", "heading_deg": "east"}, "its property heading_deg is 'east', allowed: a number"),
+        ({"side_m": 1e5}, "it is 100000 m wide, allowed: at most 20000 m"),
+        ({"side_m": 0.01}, "it is 0.01 m wide, allowed: at least 0.1 m"),
+    ],
+)
+def test_what_is_allowed_of_a_feature_is_said_as_it_is(properties: dict[str, Any], said: str, tmp_path: Path) -> None:
+    bad = geojson()
+    added = json.loads(json.dumps(bad["features"][2]))
+    added["properties"].update(properties)
+    bad["features"].append(added)
+    assert refusal(tmp_path / "bad.geojson", bad).splitlines()[0].endswith(said)
 
 
 @pytest.mark.parametrize(
