@@ -51,7 +51,7 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         ("bounds.latency", "bounds.long_tube", "goto.wakes", "goal.replaced", "endurance.minute"),
         (
             "16 starts and 16 stops at odd phases: nine of ten within it, all within it and jitter_s; a start from "
-            "long rest, and 4 goals that replace another, within it and jitter_s; the better of "
+            "long rest, and 4 goals that replace another, 8 in process, within it and jitter_s; the better of "
             "2 stops after ways of seconds within it. What befalls a share p of all "
             "commands is met with 1 - (1 - p)^32 there; and of 1300 goals, one a tick, samples that name goals say "
             "when they were taken, to a sample: none later than latency_s, on a wire all but one: the host's"

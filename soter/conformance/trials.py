@@ -22,6 +22,7 @@ _TURNS_AT: Final = 0.8
 GOLDEN: Final = 0.618
 """Multiples of this, without their whole parts, are spread evenly, however many there are."""
 
+_ODD_TICKS: Final = 4
 _REST_S: Final = 0.25
 _LONGEST_REST_S: Final = 4.0
 _SHARE_IN_PROCESS: Final = 0.02
@@ -226,10 +227,13 @@ class Shuttle:
         return None
 
     def _wait_oddly(self) -> None:
-        """Vary the phase of the vehicle's period at which the next call comes; not in process, where all are alike."""
+        """Vary the phase of the vehicle's period at which the next call comes."""
         bench = self._bench
-        if bench.caps.in_process:
-            return
         self._number += 1
-        bench.fleet.clock.sleep_until(bench.now_s + (self._number * GOLDEN % 1.0) * TICK_S)
+        odd = self._number * GOLDEN % 1.0
+        if bench.caps.in_process:
+            # All moments of a control period are alike there, but not those of a slower cycle, such as a planner's.
+            bench.run(int(odd * _ODD_TICKS) * TICK_S)
+            return
+        bench.fleet.clock.sleep_until(bench.now_s + odd * TICK_S)
         bench.look(self._robot)
