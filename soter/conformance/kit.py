@@ -96,7 +96,7 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
         verdict, reason, unready = Verdict.FAIL, explain(failure), bench.capabilities is None
         # Errors in the kit itself come of missing samples.
         known = diagnosis.explain(bench) if isinstance(failure, LookupError | ValueError) else ""
-        if isinstance(failure, LookupError) and not known:
+        if isinstance(failure, IndexError | KeyError) and not known:
             reason += "; is a robot's id taken for an index? Ids are any numbers, in any order"
         reason = known + reason
     finally:

@@ -72,6 +72,15 @@ class StuckHarness(SimulatedHarness):
         super().__init__(Stuck)
 
 
+class Complaining(SimulatedRobot):
+    """Raises what a vendor's library raises where it is told to stop and drives nowhere."""
+
+    def _halt(self) -> None:
+        if self._vehicle.mux.command is None or self._v[self._index] == 0.0:
+            raise LookupError("no active task")
+        super()._halt()
+
+
 class LeakingToDeath(SimulatedRobot):
     """Leaves sockets behind whenever it is connected, and crashes when they are too many."""
 

@@ -18,7 +18,7 @@ from soter.conformance import (
     select,
 )
 from soter.errors import BackendError
-from tests.conformance.failing import Dead, Hanging
+from tests.conformance.failing import Complaining, Dead, Hanging
 from tests.conformance.simulated import SimulatedHarness
 
 HERE = "tests.conformance.failing"
@@ -46,6 +46,14 @@ def test_a_crash_fails_its_clause_and_no_other(harness: str, how: str) -> None:
     }
     assert f"ended with {how}" in reason(record, "goal.cancel")
     assert record.overall is Overall.FAILS
+
+
+def test_what_an_adapter_raises_again_while_it_is_looked_at_is_told_once() -> None:
+    record = judge(SimulatedHarness(Complaining), select(["capabilities.unsupported", "goto.radius"]))
+    told = reason(record, "capabilities.unsupported")
+    assert verdicts(record)["capabilities.unsupported"] == "FAIL"
+    assert "LookupError: no active task (raised in Complaining._halt" in told
+    assert "index" not in told
 
 
 def test_what_hangs_outside_of_python_is_killed_and_costs_its_clause() -> None:
