@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from soter.sdk import Goal
+from soter.sdk import Controller, Goal
 from tests.broken.edits import driven, edited
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
@@ -14,6 +14,7 @@ from tests.conformance.wire import Vehicle
 _PLANS_EVERY_S: Final = 0.2
 _SLOW_M_S: Final = 0.005
 _ROUNDING: Final = 1e-6
+_GRACE_S: Final = 0.5
 
 
 def _planned(robot: Any, goal: Goal | None, now_s: float, speed_m_s: float) -> Goal | None:
@@ -40,12 +41,43 @@ def _passing_in_cycles(self: Any, clock_s: float) -> Goal | None:
     return _planned(self, Vehicle.passing(self, clock_s), self.world.now_s, self.world.bodies.v[self.index])
 
 
+def _begins_its_grace(robot: Any, to: Controller) -> None:
+    if robot._mux.switch(to):
+        memory(robot, "grace", lambda: [0.0])[0] = robot._world.now_s + _GRACE_S
+
+
+def _graceful(self: Any, timeout_s: float) -> Any:
+    """Ask for no lease for half a second after a hand-over."""
+    found, vehicle = Broken._connect(self, timeout_s), self._vehicle
+
+    def control(now_s: float, *state: float) -> tuple[float, float]:
+        goal = vehicle.mux.passing(now_s)
+        if now_s < memory(self, "grace", lambda: [0.0])[0]:
+            goal = vehicle.mux.command
+        return vehicle._drive.command(*state, None if goal is None else goal.target)  # type: ignore[no-any-return]
+
+    self._world.set_control(self.id, control)
+    return found
+
+
+def _passing_gracefully(self: Any, clock_s: float) -> Goal | None:
+    lives_until = memory(self, "grace", lambda: [self.mux.in_charge, 0.0])
+    if self.mux.in_charge is not lives_until[0]:
+        lives_until[:] = self.mux.in_charge, clock_s + _GRACE_S
+    passing: Goal | None = self.mux.passing(clock_s)
+    return self.mux.command if clock_s < lives_until[1] else passing
+
+
 UNASKED: Final[tuple[type[Broken], ...]] = (
     edited("PlansInCycles", "Takes up a goal that replaces another on its way in the next of cycles of 0.2 s.",
            "goal.replaced", "cycles that are longer", _connect=_in_cycles),
+    edited("GraceAfterHandOver", "Asks for no lease for 0.5 s after a hand-over.", "deadman.hand_over",
+           "given time to begin", _hand_over=_begins_its_grace, _connect=_graceful),
 )  # fmt: skip
 
 UNASKED_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     driven("PlansInCycles", "Takes up a goal that replaces another on its way in the next of cycles of 0.2 s.",
            "goal.replaced", "cycles that are longer", passing=_passing_in_cycles),
+    driven("GraceAfterHandOver", "Asks for no lease for 0.5 s after a hand-over.", "deadman.hand_over",
+           "given time to begin", passing=_passing_gracefully),
 )  # fmt: skip

@@ -10,7 +10,7 @@ from statistics import mean
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
-from soter.conformance.track import turn
+from soter.conformance.track import CRUISE_S, fit_stop, turn
 from soter.conformance.trials import Shuttle, measure_braking
 from soter.errors import Unsupported
 from soter.sdk import Controller, Goal, Robot, Waypoint
@@ -215,8 +215,11 @@ def cancel(bench: Bench) -> None:
 
 @clause("deadman.hand_over", truth=True)
 def hand_over(bench: Bench) -> None:
-    """A hand-over that is sent again does not renew the lease: only the renewal that goes with it does."""
+    """A hand-over renews the lease for lease_s, by the renewal that goes with it; one that is sent again does not."""
     robot = bench.open_one()
+    for old, to, ahead in ((Controller.AC, Controller.SC, 0.9), (Controller.SC, Controller.AC, -0.9)):
+        _see_lease_end(bench, robot, old, to, bench.place(robot, ahead))
+    robot.switch_ac_sc(Controller.AC, "conformance")
     bench.get_going(robot, bench.place(robot, 0.9))
 
     def again() -> None:
@@ -224,6 +227,29 @@ def hand_over(bench: Bench) -> None:
         robot.goto(bench.place(robot, 0.9), Controller.AC)
 
     _renews_nothing(bench, robot, again, "hand-overs are sent again (_hand_over() renews the lease)")
+
+
+def _see_lease_end(bench: Bench, robot: Robot, old: Controller, to: Controller, target: Waypoint) -> None:
+    """Judge whether a robot that drives on for a new controller stops when nothing is renewed after the hand-over."""
+    caps = bench.caps
+    ramp_s = caps.v_max_m_s / caps.brake_m_s2
+    robot.switch_ac_sc(old, "conformance")
+    bench.run(caps.latency_s + 2 * TICK_S)
+    bench.get_going(robot, target, old, closely=True)
+    bench.run(0.5 * ramp_s + CRUISE_S + TICK_S, closely=True)
+    called_s = bench.now_s
+    robot.switch_ac_sc(to, "conformance")
+    robot.goto(target, to)
+    bench.run(bench.orphaned_s() + 1.5 * ramp_s + caps.sample_age_s + CRUISE_S, renew=False, closely=True)
+    end = fit_stop(bench.tracks[robot.id], called_s)
+    # A host that paused for longer than the lease has stopped the robot before.
+    if end is not None:
+        bench.scatter_m = max(bench.scatter_m, end.scatter_m)
+        bench.measure(
+            "lease_handed_s", end.begins_s, caps.lease_s + caps.latency_s + caps.jitter_s, bench.fit_s,
+            f"after a hand-over to the {to}, and a goto, the lease is longer than otherwise: the new controller is "
+            f"given time to begin{_RENEWED}",
+        )  # fmt: skip
 
 
 @clause("deadman.late", tier=Tier.WIRE, hooks=("delay",))
