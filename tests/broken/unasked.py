@@ -68,11 +68,29 @@ def _passing_gracefully(self: Any, clock_s: float) -> Goal | None:
     return self.mux.command if clock_s < lives_until[1] else passing
 
 
+def _saves(robot: Any, goal: Goal) -> None:
+    Broken._send_goto(robot, goal)
+    memory(robot, "sent", lambda: [None])[0] = goal
+
+
+def _says_it_all_again(robot: Any, to: Controller) -> None:
+    """Send the last message again where nobody else takes over, with the goal that was in it."""
+    sent = memory(robot, "sent", lambda: [None])
+    if to is not robot._mux.in_charge:
+        sent[0] = None
+    Broken._hand_over(robot, to)
+    if sent[0] is not None:
+        Broken._send_goto(robot, sent[0])
+
+
 UNASKED: Final[tuple[type[Broken], ...]] = (
     edited("PlansInCycles", "Takes up a goal that replaces another on its way in the next of cycles of 0.2 s.",
            "goal.replaced", "cycles that are longer", _connect=_in_cycles),
     edited("GraceAfterHandOver", "Asks for no lease for 0.5 s after a hand-over.", "deadman.hand_over",
            "given time to begin", _hand_over=_begins_its_grace, _connect=_graceful),
+    edited("SaysItAllAgain", "Sends a hand-over again with the goal that was sent last, cancelled or not.",
+           "authority.nothing_revived", "brings back the goal that was cancelled", _send_goto=_saves,
+           _hand_over=_says_it_all_again),
 )  # fmt: skip
 
 UNASKED_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (

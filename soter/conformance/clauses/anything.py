@@ -282,6 +282,9 @@ class _Told:
     def _same_controller_again(self) -> None:
         self._robot.switch_ac_sc(self._robot.in_charge, "conformance")
 
+    def _hand_over_again(self) -> None:
+        self._robot.hand_over_again()
+
     def _goto_of_the_other_controller(self) -> None:
         self._robot.goto(self._place(), _other(self._robot))
 
@@ -305,5 +308,6 @@ _COMMANDS: Final[tuple[Callable[[_Told], None], ...]] = (
     _Told._switch_and_goto,
     _Told._switch_and_back,
     _Told._same_controller_again,
+    _Told._hand_over_again,
     _Told._goto_of_the_other_controller,
 )

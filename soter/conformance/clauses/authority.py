@@ -179,11 +179,12 @@ def idempotent(bench: Bench) -> None:
 
 @clause("authority.nothing_revived")
 def nothing_revived(bench: Bench) -> None:
-    """What was pre-empted is not taken up again when its controller is back in charge."""
+    """What was pre-empted or cancelled is not taken up again, by its controller or a hand-over that is sent again."""
     robot = bench.open_one()
     goal = bench.get_going(robot, bench.place(robot, 0.9))
     robot.switch_ac_sc(Controller.SC, "conformance")
     bench.run(1.5)
+    _stays_when_told_again(bench, robot, "was pre-empted")
     robot.switch_ac_sc(Controller.AC, "conformance")
     bench.run(bench.caps.latency_s + 2 * TICK_S)
     bench.expect_still(robot, 2.0, "the old goal came back with its controller: flush it on the vehicle too")
@@ -193,6 +194,19 @@ def nothing_revived(bench: Bench) -> None:
     bench.go(robot, bench.place(robot, 0.5, 0.2), Controller.SC)
     bench.run(SETTLE_S)
     bench.expect_still(robot, 2.0, "what was pre-empted is taken up again once the new controller's goal is reached")
+    bench.get_going(robot, bench.place(robot, -0.8), Controller.SC).cancel()
+    bench.run(1.5)
+    _stays_when_told_again(bench, robot, "was cancelled")
+
+
+def _stays_when_told_again(bench: Bench, robot: Robot, ended: str) -> None:
+    """Fail the clause unless a robot at rest stays there when its hand-over is sent again."""
+    robot.hand_over_again()
+    bench.run(bench.caps.latency_s + 2 * TICK_S)
+    bench.expect_still(
+        robot, 1.0, f"a hand-over that is sent again brings back the goal that {ended}: what is repeated is the last "
+        "message, with what was in it, and not who is in charge"
+    )  # fmt: skip
 
 
 @clause("authority.flood")
