@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.sdk import Controller, Goal
 from tests.broken.edits import driven, edited
 from tests.broken.in_process import Broken
@@ -83,6 +84,13 @@ def _says_it_all_again(robot: Any, to: Controller) -> None:
         Broken._send_goto(robot, sent[0])
 
 
+def _keeps_its_task(robot: Any, left: float, right: float, brake: float, alive: bool) -> None:
+    """Keep the goal while the motors are off; who is in charge begins anew."""
+    kept = robot._mux.command
+    SimulatedRobot.impair(robot, left, right, brake, alive)
+    robot._mux.command = kept
+
+
 UNASKED: Final[tuple[type[Broken], ...]] = (
     edited("PlansInCycles", "Takes up a goal that replaces another on its way in the next of cycles of 0.2 s.",
            "goal.replaced", "cycles that are longer", _connect=_in_cycles),
@@ -91,6 +99,8 @@ UNASKED: Final[tuple[type[Broken], ...]] = (
     edited("SaysItAllAgain", "Sends a hand-over again with the goal that was sent last, cancelled or not.",
            "authority.nothing_revived", "brings back the goal that was cancelled", _send_goto=_saves,
            _hand_over=_says_it_all_again),
+    edited("KeepsItsTask", "Keeps its goal when its motors are switched off and on.", "deadman.off_and_on",
+           "outlives the power", impair=_keeps_its_task),
 )  # fmt: skip
 
 UNASKED_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (

@@ -10,6 +10,7 @@ from statistics import median
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.figure import NotTested
 from soter.conformance.track import turn
 from soter.sdk import Controller, Robot, RobotState
 
@@ -237,3 +238,34 @@ def _costs_the_other_nothing(bench: Bench) -> None:
         )
         bench.go(kept, bench.place(kept, 0.0))
         bench.run(_LEARNS_S)
+
+
+@clause("deadman.off_and_on")
+def off_and_on(bench: Bench) -> None:
+    """A robot that fault injection can switch off stops then; on again it has forgotten its goal, and obeys."""
+    robot = bench.open_one()
+    impair = getattr(robot, "impair", None)
+    # Over a wire the adapter goes on to say where the robot is to go, and a robot that has forgotten it hears it anew.
+    if impair is None or not bench.caps.in_process:
+        raise NotTested("not declared: the hook 'impair' of a robot in process")
+    for by, ahead in ((Controller.AC, 0.9), (Controller.SC, -0.9)):
+        robot.switch_ac_sc(by, "conformance")
+        bench.get_going(robot, bench.place(robot, ahead), by)
+        bench.faulty = True
+        impair(1.0, 1.0, 1.0, False)
+        bench.expect_stop(robot, "its motors are off, and it drives on")
+        impair(1.0, 1.0, 1.0, True)
+        bench.run(bench.caps.latency_s + 2 * TICK_S)
+        bench.expect_still(
+            robot, SETTLE_S, f"it has been switched off and on, and the goal of the {by} comes back as soon as its "
+            "lease is renewed: what it was told outlives the power, as in a flash",
+        )  # fmt: skip
+        state = bench.look(robot).state
+        bench.require(
+            state.controller in (Controller.SC, None) and state.goal_id is None,
+            f"it has been switched off and on, and says that the {state.controller} is in charge and that it works on "
+            f"goal {state.goal_id}: it forgets both with the power, and the SC is in charge then",
+        )
+        robot.hand_over_again()
+        bench.go(robot, bench.place(robot, 0.0), by, cause="switched off and on, it does not obey any more")
+        bench.run(SETTLE_S)
