@@ -246,7 +246,10 @@ class Bench(Judging):
             return ""
         at_charger = self.harness.charges_at_start and last.distance_m(robot.spec.x_m, robot.spec.y_m) <= self.near_m
         why = "it is on its charger, and does not drive while it is being charged; or " * at_charger
-        return f"it says that it works on the goal, and stands: {why}renew_lease() does not renew its lease"
+        return (
+            f"it says that it works on the goal, and stands: {why}renew_lease() does not renew its lease, or it has "
+            "latched a fault, such as after some ends of its lease"
+        )
 
     def stands(self, robot: Robot, since_s: float) -> bool:
         """Return whether a robot has had time to move, but has not moved or not been heard for a while."""

@@ -1,21 +1,25 @@
-"""Adapters whose robots go on with what nobody asks for any more, one line of a table each."""
+"""Adapters whose robots do what nobody asks for any more, or not what is asked for now; one line of a table each."""
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.sdk import Controller, Goal
+from tests.broken.afterwards import State
 from tests.broken.edits import driven, edited
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
-from tests.broken.parts import memory
+from tests.broken.parts import memory, with_control
 from tests.conformance.wire import Vehicle
 
 _PLANS_EVERY_S: Final = 0.2
 _SLOW_M_S: Final = 0.005
 _ROUNDING: Final = 1e-6
 _GRACE_S: Final = 0.5
+_BOUNCES_S: Final = 0.3
+_STRIKES: Final = 3
 
 
 def _planned(robot: Any, goal: Goal | None, now_s: float, speed_m_s: float) -> Goal | None:
@@ -91,6 +95,31 @@ def _keeps_its_task(robot: Any, left: float, right: float, brake: float, alive: 
     robot._mux.command = kept
 
 
+def _stops_seldom(robot: Any) -> None:
+    stopped, now_s = memory(robot, "stopped", lambda: [-math.inf]), robot._world.now_s
+    if now_s - stopped[0] >= _BOUNCES_S:
+        stopped[0] = now_s
+        Broken._halt(robot)
+
+
+def _latches(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Stand for ever once the lease has ended three times on the way to a goal."""
+    driven, ends = memory(robot, "driven", lambda: [False]), memory(robot, "ends", list)
+    passes = robot._mux.passing(state[0]) is not None
+    if driven[0] and not passes and robot._mux.command is not None:
+        ends.append(state[0])
+    driven[0] = passes
+    return (0.0, 0.0) if len(ends) >= _STRIKES else (speed, rate)
+
+
+def _sends_each_id_once(robot: Any, goal: Goal) -> None:
+    """Send no goal with the number of the last one that any robot was sent."""
+    last = vars(robot.clock).get("last_sent")
+    vars(robot.clock)["last_sent"] = goal.id
+    if goal.id != last:
+        Broken._send_goto(robot, goal)
+
+
 UNASKED: Final[tuple[type[Broken], ...]] = (
     edited("PlansInCycles", "Takes up a goal that replaces another on its way in the next of cycles of 0.2 s.",
            "goal.replaced", "cycles that are longer", _connect=_in_cycles),
@@ -101,6 +130,12 @@ UNASKED: Final[tuple[type[Broken], ...]] = (
            _hand_over=_says_it_all_again),
     edited("KeepsItsTask", "Keeps its goal when its motors are switched off and on.", "deadman.off_and_on",
            "outlives the power", impair=_keeps_its_task),
+    edited("BouncingStops", "Takes a stop within 0.3 s of the last one for its repetition.", "goal.cancel_early",
+           "repetition of the cancel", _halt=_stops_seldom),
+    edited("LatchesAFault", "Stands for ever once its lease has ended three times on its way.", "deadman.lease",
+           "latched a fault", _connect=with_control(_latches)),
+    edited("EachIdOnce", "Sends no goal that has the number of the last one, of whichever robot.", "several.goto",
+           "count anew for each", _send_goto=_sends_each_id_once),
 )  # fmt: skip
 
 UNASKED_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (

@@ -96,7 +96,10 @@ def goto(bench: Bench) -> None:
                 f"a goto to robot {mover.id} moved robot {other.id} by {moved:.2f} m: commands are addressed to the "
                 "wrong robot or broadcast, or goals are kept by their ids, which count anew for each robot",
             )
-        bench.require_status(goal, GoalStatus.REACHED, f"a goto to robot {mover.id} does not move it")
+        bench.require_status(
+            goal, GoalStatus.REACHED, f"a goto to robot {mover.id} does not move it: it is not sent, or is taken for "
+            "one of another robot's, since goals' ids count anew for each",
+        )  # fmt: skip
         bench.run(SETTLE_S)
 
 
