@@ -26,6 +26,9 @@ _MISREAD: Final = 2.0
 _MISREAD_M_S: Final = 0.1
 _MISREAD_M: Final = 0.1
 
+_TIMEOUT_S: Final = Waypoint(0.0, 0.0).timeout_s
+"""Slow robots need longer in a large room."""
+
 _NOT_THROUGH: Final = "the target did not get through, or is in another frame"
 _SLOW: Final = (
     "the target did not get through, the lease is not renewed by renew_lease(), the cap of an earlier goal is kept, or "
@@ -195,7 +198,8 @@ class Bench(Judging):
         (at_x_m, at_y_m, heading_rad), scale = self.home(robot), self.harness.room_m / 2.0
         c, s = math.cos(heading_rad), math.sin(heading_rad)
         x_m, y_m = (ahead * c - left * s) * scale, (ahead * s + left * c) * scale
-        return Waypoint(at_x_m + x_m, at_y_m + y_m, **{"radius_m": 2.0 * self.near_m, **options})
+        patience = {"radius_m": 2.0 * self.near_m, "timeout_s": max(_TIMEOUT_S, self.way_s())}
+        return Waypoint(at_x_m + x_m, at_y_m + y_m, **{**patience, **options})
 
     def go(
         self,

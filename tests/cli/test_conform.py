@@ -69,6 +69,18 @@ def test_it_tries_one_tier_or_several(tiers: tuple[str, ...]) -> None:
     assert len(done.output.splitlines()) == sum(each.tier.value in tiers for each in CLAUSES.values())
 
 
+@pytest.mark.parametrize("promise", ["accel_m_s2 = 0.3", "accel_m_s2 = 0.163", "accel_m_s2 = 0.3\nv_max_m_s = 0.05"])
+def test_velocities_of_robots_that_are_slow_or_speed_up_slowly_are_believed(promise: str, tmp_path: Path) -> None:
+    (tmp_path / "hall.toml").write_text(
+        "[fence]\ncircle = { x_m = 0.0, y_m = 0.0, radius_m = 15.0 }\n[[station]]\nx_m = 0.0\ny_m = 0.0\n"
+    )
+    (tmp_path / "m.toml").write_text(
+        f'workspace = "hall.toml"\nbackend = "kinematic"\n[backends.kinematic.promise]\n{promise}\n'
+    )
+    done = conform(str(tmp_path / "m.toml"), "--room", "20", "--only", "truth.bounds.velocity")
+    assert done.exit_code == 0, done.output
+
+
 def test_it_says_what_was_not_tested_and_which_of_that_may_not_be_left_out() -> None:
     done = conform("kinematic", "--only", "link")
     assert done.exit_code == 0

@@ -22,6 +22,10 @@ _PLACES: Final = 10
 
 def draw_ac(rng: Random, room: DrawnRoom, figures: Figures, rta: Rta, nasty: bool) -> Tables:
     """Return the keys of a mission for the AC, its targets and its planner."""
+    if rta.kept_out is not None and rng.random() < 0.5:
+        # To and fro across what a module of the user's own keeps robots out of.
+        places = [each for place in _places(rng, room, figures, rta) for each in (place, [*rta.kept_out])]
+        return {"ac": VISIT, "controllers": {"Visit": {"places": places, "stay_s": 0.0}}}
     chance = rng.random()
     if chance < 0.45:
         return _mission(rng)

@@ -113,12 +113,14 @@ class KeepOutOptions(_Options):
         y_m: its centre, north.
         radius_m: phi_safe: the disc's radius.
         spare_m: how much more phi_safer requires.
+        ahead: whether its safe controller prefers places ahead, on whichever side of the disc they are.
     """
 
     x_m: float
     y_m: float
     radius_m: float
     spare_m: float
+    ahead: bool = False
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ class Outside(Region):
 
 
 def declare_keep_out(kit: ModuleKit, options: KeepOutOptions) -> RTAModule:
-    """Declare a module that keeps robots out of a disc; its safe controller drives straight away from it."""
+    """Declare a module that keeps robots out of a disc; its safe controller drives away from it."""
     safe = Outside(options.x_m, options.y_m, options.radius_m)
     safer = replace(safe, least_m=options.radius_m + options.spare_m)
 
@@ -146,7 +148,7 @@ def declare_keep_out(kit: ModuleKit, options: KeepOutOptions) -> RTAModule:
 
         def fits(x_m: float, y_m: float) -> bool:
             there_x, there_y = x_m - options.x_m, y_m - options.y_m
-            leads_away = (there_x - off_x) * off_x + (there_y - off_y) * off_y >= 0.0
+            leads_away = options.ahead or (there_x - off_x) * off_x + (there_y - off_y) * off_y >= 0.0
             return leads_away and math.hypot(there_x, there_y) >= safer.least_m + 0.1
 
         return kit.place_ahead(situation, fits)

@@ -24,6 +24,7 @@ class Rta:
 
     Attributes:
         battery: `[rta.battery]`, which is completed when the batteries are drawn.
+        kept_out: the middle of the disc that a module of the user's own keeps robots out of; None without one.
     """
 
     table: Tables = field(default_factory=dict)
@@ -35,6 +36,7 @@ class Rta:
     apart_m: float = 0.5
     passing_m: float = 0.5
     collision_safer_m: float = 0.5
+    kept_out: tuple[float, float] | None = None
 
     def with_own_modules(self, rng: Random, room: DrawnRoom, figures: Figures, nasty: bool) -> None:
         """Add a user's own module now and then."""
@@ -60,6 +62,8 @@ class Rta:
             most_m = max(0.05, min(1.5, _nearest_m(at, room) - spare_m - reach_m))
             radius_m = round(rng.uniform(0.05, most_m), 2)
             options = {"x_m": round(at[0], 2), "y_m": round(at[1], 2), "radius_m": radius_m, "spare_m": spare_m}
+            options["ahead"] = rng.random() < 0.5
+            self.kept_out = round(at[0], 2), round(at[1], 2)
         own: Tables = {"declare": declare, "options": options}
         if rng.random() < 0.4:
             own["before"] = rng.choice(MODULES)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 
 from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
@@ -186,6 +188,16 @@ def _beside(track: list[TrackSample]) -> list[tuple[TrackSample, float, float, f
     return found
 
 
+def _way_m(track: Sequence[TrackSample]) -> tuple[float, float]:
+    """Return how far the velocities of samples lead, as if they changed evenly from one to the next."""
+    x_m = y_m = 0.0
+    for one, other in pairwise(track):
+        half_s = 0.5 * (other.at_s - one.at_s)
+        x_m += half_s * (one.state.vx_m_s + other.state.vx_m_s)
+        y_m += half_s * (one.state.vy_m_s + other.state.vy_m_s)
+    return x_m, y_m
+
+
 @clause("truth.bounds.velocity", tier=Tier.TRUTH)
 def velocity(bench: Bench) -> None:
     """The velocity of samples is off the true one by no more than speed_noise_m_s, and changes when that does."""
@@ -196,14 +208,14 @@ def velocity(bench: Bench) -> None:
         bench.go(robot, bench.place(robot, ahead))
         seen = bench.since(robot, began_s)
         for first, last in zip(seen, seen[round(2 * window_s / TICK_S) :], strict=False):
-            inner = [each.state for each in seen if first.at_s <= each.at_s <= last.at_s]
-            fast = [math.hypot(each.vx_m_s, each.vy_m_s) for each in inner]
-            passed_s, many = last.at_s - first.at_s, len(inner)
-            off_x = sum(each.vx_m_s for each in inner) / many - (last.x_m - first.x_m) / passed_s
-            off_y = sum(each.vy_m_s for each in inner) / many - (last.y_m - first.y_m) / passed_s
-            off = math.hypot(off_x, off_y)
+            inner = [each for each in seen if first.at_s <= each.at_s <= last.at_s]
+            fast = [math.hypot(each.state.vx_m_s, each.state.vy_m_s) for each in inner]
+            passed_s, (way_x, way_y) = last.at_s - first.at_s, _way_m(inner)
+            off = math.hypot(way_x - (last.x_m - first.x_m), way_y - (last.y_m - first.y_m)) / passed_s
             if min(fast) > 0.5 * caps.v_max_m_s and max(fast) - min(fast) < 0.05 * caps.v_max_m_s:
-                worst = max(worst, off)
+                # From one sample to the next the speed may have changed at any moment.
+                step_m_s = max(abs(after - before) for before, after in pairwise(fast))
+                worst = max(worst, off - 0.5 * step_m_s * TICK_S / passed_s)
             lag = max(lag, off)
     general = 0.05 * caps.v_max_m_s
     noise_m_s = general if caps.speed_noise_m_s is None else caps.speed_noise_m_s
@@ -212,7 +224,7 @@ def velocity(bench: Bench) -> None:
         "speed_noise_m_s", worst, noise_m_s, slack_m_s,
         "velocities are off the truth: another unit or frame, too low, late, or speed_noise_m_s is declared too small",
     )  # fmt: skip
-    # Means over a window may differ by the change of speed within one period and the sample's age.
+    # Ways over a window may differ by the change of speed within one period and the sample's age.
     late_s = caps.sample_age_s + caps.setpoint_period_s + TICK_S
     bench.measure(
         "speed_lag_m_s", lag, noise_m_s + caps.v_max_m_s * min(late_s / (2.0 * window_s), 1.0), slack_m_s,
