@@ -237,6 +237,7 @@ _ALLOWED = {
     "model_type": "a table",
     "mapping_type": "a table",
     "list_type": "a list",
+    "too_short": "at least {min_length} of them",
     "tuple_type": "a list",
 }
 

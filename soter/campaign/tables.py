@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from soter.campaign.conditions import Requirement, StoppingRule
-from soter.config.table import Name, Table, wrong
+from soter.config.table import Name, Table, table_or_list, wrong
 from soter.config.toml_text import toml_key
 
 SEED: Final = "seed"
@@ -79,7 +79,9 @@ class SampleTable(Table):
 
     count: Count
     seed: Seed = 0
-    draw: Annotated[dict[str, RangeTable | list[Any]], BeforeValidator(_ranges)]
+    draw: Annotated[
+        dict[str, Annotated[RangeTable | list[Any], table_or_list(RangeTable, Any)]], BeforeValidator(_ranges)
+    ]
 
     def rows(self) -> Iterator[tuple[str, Settings]]:
         """Yield a name and settings for each draw."""
@@ -165,7 +167,7 @@ class PartTable(Table):
     set: dict[str, Any] = Field(default_factory=dict)
     grid: Annotated[dict[str, Axis], BeforeValidator(_axes)] = Field(default_factory=dict)
     sample: SampleTable | None = None
-    seeds: SeedsTable | Annotated[list[Seed], Field(min_length=1)] = Field(default=[1])
+    seeds: Annotated[SeedsTable | list[Seed], table_or_list(SeedsTable, Seed)] = Field(default=[1])
     require: Annotated[tuple[Requirement, ...], Field(strict=False)] = ()
     until: StoppingRule | None = None
     repeats: str = ""

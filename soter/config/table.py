@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, TypeAdapter, ValidationError
 from pydantic_core import InitErrorDetails
 
 from soter.geometry.workspace import MAX_ROBOT_ID
@@ -25,3 +25,22 @@ def wrong(key: tuple[str | int, ...], value: object, allowed: str) -> Validation
     """Return an error on a key below the model that is being validated."""
     details = InitErrorDetails(type=not_allowed(allowed), loc=key, input=value)
     return ValidationError.from_exception_data("mission", [details])
+
+
+def table_or_list(table: type[Table], of: Any) -> PlainValidator:
+    """Return what validates a value that is a table or a list of something, by what it is.
+
+    A union is tried both ways, and what it says has keys that no file has.
+    """
+    items: TypeAdapter[Any] = TypeAdapter(Annotated[list[of], Field(min_length=1)])
+
+    def check(value: object) -> object:
+        if isinstance(value, dict):
+            return table.model_validate(value)
+        if isinstance(value, list):
+            return items.validate_python(value, strict=True)
+        if isinstance(value, table):
+            return value
+        raise not_allowed(f"a table of {', '.join(table.model_fields)}, or a list")
+
+    return PlainValidator(check)

@@ -9,10 +9,11 @@ from enum import Enum
 from random import Random
 from typing import Annotated, ClassVar, Final, Generic, Literal, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator, model_validator
 
-from soter.config.table import Table, wrong
+from soter.config.table import RobotId, Table, wrong
 from soter.geometry.workspace import MAX_ROBOT_ID
+from soter.problems import not_allowed
 from soter.sdk import Capabilities, Controller, Goal, RobotState, Waypoint
 
 Seconds = Annotated[float, Field(ge=0.0, le=1e7, allow_inf_nan=False)]
@@ -20,6 +21,14 @@ Interval = Annotated[float, Field(ge=0.001, le=1e7, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 ROUNDING_S: Final = 1e-9
+
+
+def _all_or_one(value: object, handler: ValidatorFunctionWrapHandler) -> object:
+    """Say once what is allowed; a union says it of each of its parts, by keys that no file has."""
+    try:
+        return handler(value)
+    except ValidationError as failure:
+        raise not_allowed(f"'all', or the id of a robot, a whole number from 1 to {MAX_ROBOT_ID}") from failure
 
 
 class FaultOptions(Table):
@@ -36,7 +45,7 @@ class FaultOptions(Table):
     """
 
     kind: str
-    robot: Literal["all"] | Annotated[int, Field(ge=1, le=MAX_ROBOT_ID)] = "all"
+    robot: Annotated[Literal["all"] | RobotId, WrapValidator(_all_or_one)] = "all"
     start_s: Seconds = 0.0
     duration_s: Interval | None = None
     every_s: Interval | None = None

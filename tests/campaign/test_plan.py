@@ -124,6 +124,34 @@ def test_what_is_wrong_is_refused_by_its_key(tmp_path: Path, part: dict[str, Any
     assert (key or "none.toml") in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        ({"seeds": 3}, "part.0.seeds: it is 3, allowed: a table of first, count, or a list"),
+        ({"seeds": []}, "part.0.seeds: it is [], allowed: at least 1 of them"),
+        ({"seeds": [1, "a"]}, "part.0.seeds.1: it is 'a', allowed: a whole number"),
+        ({"seeds": {"count": 0}}, "part.0.seeds.count: it is 0, allowed: at least 1"),
+        (
+            {"sample": {"count": 1, "draw": {"seed": []}}},
+            "part.0.sample.draw.seed: it is [], allowed: at least 1 of them",
+        ),
+        (
+            {"sample": {"count": 1, "draw": {"seed": 3}}},
+            "part.0.sample.draw.seed: it is 3, allowed: a table of low, high, log, whole, or a list",
+        ),
+        (
+            {"sample": {"count": 1, "draw": {"seed": {"low": 3, "high": 2}}}},
+            "part.0.sample.draw.seed.high: it is 2.0, allowed: above low, which is 3",
+        ),
+    ],
+)
+def test_what_may_be_a_table_or_a_list_is_refused_once(tmp_path: Path, part: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        load_campaign(write(tmp_path, part))
+    assert str(refused.value).endswith(said)
+    assert "things are wrong" not in str(refused.value)
+
+
 def test_the_campaign_of_the_manual_is_one(tmp_path: Path) -> None:
     (text, *_) = [block.code for block in blocks(ROOT / "docs" / "campaigns.md") if block.language == "toml"]
     path = tmp_path / "manual.toml"

@@ -88,6 +88,11 @@ def test_a_fault_can_hit_one_robot() -> None:
         ({"kind": "soter.faults:Nothing"}, "there is no 'Nothing' in it"),
         ({"kind": "tests.faults.test_tables:Unfinished"}, "it needs an 'options_model'"),
         ({"kind": "kill", "robot": 3}, 'fault.0.robot: it is 3, but there is no such robot; allowed: "all", 1, 2'),
+        (
+            {"kind": "kill", "robot": "2"},
+            "fault.0.robot: it is '2', allowed: 'all', or the id of a robot, a whole",
+        ),
+        ({"kind": "kill", "robot": 0}, "fault.0.robot: it is 0, allowed: 'all', or the id of a robot, a whole"),
         ({"kind": "kill", "start_s": -1.0}, "fault.0.start_s: it is -1.0, allowed: at least 0"),
         ({"kind": "kill", "duration_s": "1"}, "fault.0.duration_s: it is '1', allowed: a number"),
         ({"kind": "kill", "every_s": 5.0}, "fault.0.every_s: it is 5.0, allowed: a fault with a duration_s"),
