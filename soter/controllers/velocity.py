@@ -40,6 +40,8 @@ class VelocityController(Controller, ABC):
         asked = self.velocity(own, now_s)
         if type(asked) is not Velocity:
             raise TypeError(f"velocity() returned a {type(asked).__name__}, allowed: a Velocity")
+        if any(isinstance(each, str | bytes) for each in asked):
+            raise TypeError(f"velocity() returned {asked}, allowed: numbers")
         plain = Velocity(float(asked.forward_m_s), float(asked.turn_rad_s))
         if not all(map(math.isfinite, plain)):
             raise ValueError(f"velocity() returned {asked}, allowed: finite numbers")

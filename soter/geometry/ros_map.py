@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import struct
 import warnings
 import zlib
@@ -94,9 +95,14 @@ def _yaml(data: bytes, source: str) -> dict[Any, Any]:
         raise ConfigError(
             f"maps need PyYAML, which cannot be imported ({failure}); install it with pip install pyyaml", source=source
         ) from failure
+
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        """Takes 5e-2 for a number, as ROS does, and not only 5.0e-2."""
+
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(r"[-+]?\d+[eE][-+]?\d+$"), [*"-+0123456789"])
     try:
-        found = yaml.safe_load(data)
-        keys = getattr(yaml.compose(data, yaml.SafeLoader), "value", ()) if isinstance(found, dict) else ()
+        found = Loader(data).get_single_data()
+        keys = getattr(Loader(data).get_single_node(), "value", ()) if isinstance(found, dict) else ()
     except yaml.MarkedYAMLError as failure:
         line = None if failure.problem_mark is None else failure.problem_mark.line + 1
         raise ConfigError(f"not valid YAML: {failure.problem}", source=source, line=line) from failure

@@ -114,6 +114,11 @@ class Spins(VelocityController):
         return Velocity(math.inf) if own.robot_id == 2 else Velocity(0.1)
 
 
+class Writes(VelocityController):
+    def velocity(self, own, now_s):
+        return Velocity("0.1") if own.robot_id == 2 else Velocity(0.1)
+
+
 class Turns(VelocityController):
     def velocity(self, own, now_s):
         return 0.1 if own.robot_id == 2 else Velocity(0.1)
@@ -297,6 +302,7 @@ def test_what_is_wrong_is_refused_before_anything_moves(
         ("GivesPairs", "tuple"),
         ("Spins", "inf"),
         ("Turns", "float"),
+        ("Writes", "allowed: numbers"),
     ],
 )
 def test_one_that_fails_costs_its_own_robot_the_ac_and_no_other(folder: Path, name: str, words: str) -> None:

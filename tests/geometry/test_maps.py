@@ -289,6 +289,14 @@ def test_what_is_allowed_of_a_map_is_said_once(change: dict[str, Any], said: str
     assert str(refused.value) == f"{tmp_path / 'map.yaml'}: {said}"
 
 
+def test_numbers_may_be_written_as_ros_takes_them(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    before = cells(file)
+    file.write_text(file.read_text().replace('"resolution": 0.5', '"resolution": 5e-1'))
+    assert "5e-1" in file.read_text()
+    assert np.array_equal(cells(file), before)
+
+
 def test_a_key_that_is_given_twice_is_refused_with_its_line(tmp_path: Path) -> None:
     file = written(tmp_path)
     file.write_text(file.read_text().replace("{", '{"resolution": 5.0,\n', 1))
