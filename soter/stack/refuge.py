@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from soter.rta import Situation
 from soter.stack.own_rules import OwnRule
@@ -38,6 +37,9 @@ PIVOT_M: Final = 0.1
 
 _BESIDE_M: Final = 0.1
 """A place is as good as a cell this near to it."""
+
+_NEAR_M: Final = 8.0
+"""How far around a station robots look for a way out."""
 
 
 class RefugeFinder:
@@ -68,7 +70,7 @@ class RefugeFinder:
         self._kept: Sequence[OwnRule] = ()
         self.static: Final = terrain.roomy_cells(fence_m, clearance_m)
         self._standable: Final = terrain.roomy_cells(min(fence_m, self._path_m), min(clearance_m, self._path_m))
-        self._outside: dict[tuple[tuple[Point, ...], float], NDArray[np.bool_]] = {}
+        self._roomy_cells: dict[tuple[tuple[Point, ...], float], NDArray[np.bool_]] = {}
         self._leads_out = False
 
     @property
@@ -153,9 +155,10 @@ class RefugeFinder:
     def _reached(self, leads_back: Callable[[float, float], bool]) -> NDArray[np.bool_]:
         """Return the refuges that are connected, through refuges, to a tried one from which a path leads back."""
         xs, ys, chosen = self._terrain.cell_x.ravel(), self._terrain.cell_y.ravel(), np.flatnonzero(self.static)
-        parts, _ = ndimage.label(self.static)
-        tried = chosen[:: max(1, chosen.size // SEEDS)].tolist()
-        return np.isin(parts, [parts.flat[at] for at in tried if leads_back(float(xs[at]), float(ys[at]))])
+        tried = np.zeros(self.static.shape, dtype=np.bool_)
+        for at in chosen[:: max(1, chosen.size // SEEDS)].tolist():
+            tried.flat[at] = leads_back(float(xs[at]), float(ys[at]))
+        return _connected(self.static, tried)
 
     def good(self, situation: Situation, place: Point, peer_m: float) -> bool:
         """Return whether a refuge is still far enough from every peer, and off the path to be left."""
@@ -252,20 +255,52 @@ class RefugeFinder:
         leave = self.leave
         if leave is None or not self._leads_out:
             return True
-        outside = self._outside.get((leave.ends, leave.apart_m))
-        if outside is None:
-            outside = self._outside[leave.ends, leave.apart_m] = self._largest(leave)
-        return bool(outside[self._terrain.window(*place, _BESIDE_M)].any())
+        roomy = self._roomy_cells.get((leave.ends, leave.apart_m))
+        if roomy is None:
+            roomy = self._roomy_cells[leave.ends, leave.apart_m] = self._roomy(leave)
+        return bool(roomy[self._terrain.window(*place, _BESIDE_M)].any())
 
-    def _largest(self, leave: Path) -> NDArray[np.bool_]:
-        """Return the largest connected part of the refuges that robots on their stations, where paths end, leave."""
-        fits = self.static.copy()
-        for x_m, y_m in leave.ends:
-            fits &= np.hypot(self._terrain.cell_x - x_m, self._terrain.cell_y - y_m) >= leave.apart_m + BESIDE_M
-        parts, _ = ndimage.label(fits)
-        sizes = np.bincount(parts.ravel())
-        sizes[0] = 0
-        return np.asarray(parts == int(sizes.argmax())) & fits
+    def _roomy(self, leave: Path) -> NDArray[np.bool_]:
+        """Return the cells but those near a station that robots on their stations, where paths end, shut in."""
+        terrain, roomy = self._terrain, np.ones(self.static.shape, dtype=np.bool_)
+        for end in leave.ends:
+            near = terrain.window(*end, _NEAR_M)
+            fits = self.static[near].copy()
+            for x_m, y_m in leave.ends:
+                away_m = np.hypot(terrain.cell_x[near] - x_m, terrain.cell_y[near] - y_m)
+                fits &= away_m >= leave.apart_m + BESIDE_M
+            roomy[near] &= _largest(fits)
+        return roomy
+
+
+def _largest(fits: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the largest connected part of the cells that fit."""
+    left, largest = fits.copy(), np.zeros(fits.shape, dtype=np.bool_)
+    while np.count_nonzero(left) > np.count_nonzero(largest):
+        first = np.zeros(fits.shape, dtype=np.bool_)
+        first.flat[int(left.argmax())] = True
+        part = _connected(fits, first)
+        largest = max(largest, part, key=np.count_nonzero)
+        left &= ~part
+    return largest
+
+
+def _connected(fits: NDArray[np.bool_], reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells that are connected to a reached one through cells that fit, side by side."""
+    count = 0
+    while (now := int(np.count_nonzero(reached))) > count:
+        count = now
+        for turned in range(4):
+            reached = np.rot90(_along_rows(np.rot90(fits, turned), np.rot90(reached, turned)), -turned)
+    return reached
+
+
+def _along_rows(fits: NDArray[np.bool_], reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which cells fit and follow a reached one with only fitting cells in between."""
+    index = np.arange(fits.shape[1])
+    stopped = np.maximum.accumulate(np.where(fits, -1, index), axis=1)
+    begun = np.maximum.accumulate(np.where(reached & fits, index, -1), axis=1)
+    return np.asarray(fits & (begun > stopped))
 
 
 def _far(situation: Situation, place: Point) -> float:

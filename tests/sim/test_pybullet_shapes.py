@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,9 +17,14 @@ from soter.geometry.grid import GridMap
 from soter.geometry.workspace import Box, Workspace
 from soter.sdk.values import RobotSpec
 from soter_sim import World
-from soter_sim.pybullet import BODY, PyBulletEngine, bullet
 from tests.geometry.drawn import drawn
 from tests.sim.worlds import CASE, constant, empty, promising
+
+if TYPE_CHECKING:
+    from soter_sim.pybullet import PyBulletEngine
+
+engines = pytest.importorskip("soter_sim.pybullet", exc_type=ImportError)
+BODY, bullet = engines.BODY, engines.bullet
 
 pytestmark = pytest.mark.pybullet
 
@@ -78,7 +84,7 @@ def test_bodies_are_as_near_as_the_geometry_says(world: int | str) -> None:
         workspace = CASE if world == "case" else a_map()
     kept_out = shapely.union_all([shapely.Polygon(ring) for ring in workspace.outlines()[1]])
     stream, tried = random.Random(1), 0
-    engine = PyBulletEngine(workspace, spaced(workspace))
+    engine = engines.PyBulletEngine(workspace, spaced(workspace))
     try:
         edges = shapely.get_parts(kept_out.boundary)
         for robot, radius_m in zip(engine._robots, RADII_M, strict=True):
@@ -98,7 +104,7 @@ def test_bodies_are_as_near_as_the_geometry_says(world: int | str) -> None:
 
 
 def test_robots_of_any_size_are_as_far_apart_as_their_radii_say() -> None:
-    stream, engine = random.Random(2), PyBulletEngine(empty(), spaced(empty()))
+    stream, engine = random.Random(2), engines.PyBulletEngine(empty(), spaced(empty()))
     try:
         for one in range(len(RADII_M)):
             for other in range(one):
