@@ -56,7 +56,7 @@ def conform(
         option(
             "N",
             "How many clauses to try side by side, each in a process, if the harness allows; "
-            "two a core, at most 4, on a wire if not given, and otherwise 1.",
+            "four a core, at most 8, on a wire if not given, and otherwise 1.",
             min=1,
         ),
     ] = None,

@@ -117,6 +117,8 @@ class Harness(ABC):
         side_by_side: whether several fleets may be open at once on this host, by processes that know nothing of each
             other: their robots are simulated, each fleet has its own, and ports are free ones. `soter conform --jobs`
             tries one clause after another where it is False.
+        a_core: how many clauses a core of the host can try at once, if they are tried side by side: most of a clause is
+            waiting. Fewer for robots whose programs take much of a core.
         starts_robots: whether `open` starts robots afresh at the start poses in their specs. If it only connects to a
             running one, the kit drives it back to its start before each clause, and stops it if it leaves its room.
         clause_limit_s: a clause that takes longer on the host counts as hanging, and fails.
@@ -133,6 +135,7 @@ class Harness(ABC):
     connect_timeout_s: float = 10.0
     speedup: float = 1.0
     side_by_side: bool = False
+    a_core: int = 4
     starts_robots: bool = True
     clause_limit_s: float = 180.0
     judges: bool = True

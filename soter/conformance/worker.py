@@ -34,6 +34,7 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
     Attributes:
         name: the harness's name.
         side_by_side: whether several of its fleets may be open at once.
+        a_core: how many clauses a core can try at once.
         on_wire: whether its robots run on the host's time, so that clauses mostly wait.
         clause_limit_s: how long a clause may take.
         refusal: why there is no harness; empty if there is.
@@ -41,6 +42,7 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
 
     name: str = ""
     side_by_side: bool = False
+    a_core: int = 1
     on_wire: bool = False
     clause_limit_s: float = 0.0
     refusal: str = ""
@@ -96,7 +98,9 @@ def _serve(link: socket.socket, target: str | Given) -> None:
         why = str(failure) if isinstance(failure, SoterError) else f"{named(target)}: {explain(failure)}"
         link.send(msgspec.msgpack.encode(Ready(refusal=why[:_LONGEST_REASON])))
         return
-    ready = Ready(harness.name, harness.side_by_side, harness.gives("cut"), harness.clause_limit_s)
+    ready = Ready(
+        harness.name, harness.side_by_side, harness.a_core, harness.gives("cut"), harness.clause_limit_s
+    )  # fmt: skip
     link.send(msgspec.msgpack.encode(ready))
     first: Usage | None = None
     while clause_id := link.recv(MAX_MESSAGE_BYTES).decode():

@@ -26,10 +26,7 @@ from soter.isolation.child import Child, ChildDied
 _START_S: Final = 210.0
 """Time after which a process that is not ready for its first clause is killed."""
 
-_A_CORE: Final = 2
-"""How many clauses on a wire a core can try at once with half of it left: most of a clause is waiting."""
-
-_MOST_JOBS: Final = 4
+_MOST_JOBS: Final = 8
 _LONGEST: Final = ("endurance.minute", "several.second", "truth.capabilities.asked")
 """The longest clauses: tried early when clauses run side by side, since a late one would delay the end."""
 
@@ -159,7 +156,7 @@ class Workshop:
             raise
         self.name: Final = ready.name or str(target)
         if jobs is None:
-            jobs = min(_A_CORE * (os.cpu_count() or 1), _MOST_JOBS) if ready.on_wire else 1
+            jobs = min(ready.a_core * (os.cpu_count() or 1), _MOST_JOBS) if ready.on_wire else 1
         self.jobs: Final = jobs if ready.side_by_side else 1
         self._workers.extend(_Worker(target, stuck_s) for _ in range(self.jobs - 1))
 

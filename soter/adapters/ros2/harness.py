@@ -78,6 +78,8 @@ class Ros2Harness(RelayedHarness):
 
     name = "ros2"
     connect_timeout_s = 20.0
+    # DDS keeps half a core busy with each.
+    a_core = 1
 
     def __init__(self) -> None:
         super().__init__()
