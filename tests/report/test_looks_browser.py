@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from json import dumps
 from pathlib import Path
 from typing import Any
 
@@ -156,7 +157,8 @@ def test_a_long_cause_can_be_read_whole_at_any_size(browser: Any, tmp_path: Path
         size = {"width": width, "height": height}
         with opened(browser, tmp_path / "run.html", f"#t={switch.time_s}", viewport=size) as page:
             why = page.locator(".robot .why").nth(switch.robot_id - 1)
-            assert switch.cause in why.inner_text()
+            shown = f"document.querySelectorAll('.robot .why')[{switch.robot_id - 1}].innerText"
+            until(page, f"{shown}.includes({dumps(switch.cause)})")
             assert why.evaluate("each => each.scrollHeight - each.clientHeight") <= 0
             assert looks_wrong(page) == []
 
