@@ -270,20 +270,13 @@ class PyBulletEngine:
             bullet.changeDynamics(robot, link, localInertiaDiagonal=[inertia] * 3, physicsClientId=client)
         for link in range(joints):
             driven = link in _WHEELS
+            # The body slides along what it touches. Larger bodies need more grip: the force to turn as fast grows with
+            # the radius, but their weight does not.
             bullet.changeDynamics(
-                robot,
-                link,
-                # The body slides along what it touches. Larger bodies need more grip: the force to turn as fast grows
-                # with the radius, but their weight does not.
-                lateralFriction=max(1.0, scale) if driven else 0.0,
-                spinningFriction=0.0,
-                rollingFriction=0.0,
-                restitution=0.0,
-                linearDamping=0.0,
-                angularDamping=0.0,
-                jointDamping=0.0,
+                robot, link, lateralFriction=max(1.0, scale) if driven else 0.0, spinningFriction=0.0,
+                rollingFriction=0.0, restitution=0.0, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
                 physicsClientId=client,
-            )
+            )  # fmt: skip
             group, touches = (_WHEEL, _GROUND) if driven else (_ROBOT, _ROBOT | _WALL)
             bullet.setCollisionFilterGroupMask(robot, link, group, touches, physicsClientId=client)
         self._drive(robot, _NOT_DRIVEN, [0.0] * len(_NOT_DRIVEN), 0.0)
@@ -361,10 +354,10 @@ class PyBulletEngine:
 
     def _read_all(self) -> None:
         bodies, client = self.bodies, self._client
-        self._read_places(bodies.x, bodies.y)
-        for i, robot in enumerate(self._robots):
+        for i, (robot, (begin_x, begin_y)) in enumerate(zip(self._robots, self._begins, strict=True)):
             states = bullet.getJointStates(robot, (_EAST, _NORTH, _TURN), physicsClientId=client)
-            (_, east, *_), (_, north, *_), (turned_rad, yaw_rate, *_) = states
+            (x, east, *_), (y, north, *_), (turned_rad, yaw_rate, *_) = states
+            bodies.x[i], bodies.y[i] = begin_x + x, begin_y + y
             heading = remainder(turned_rad, tau)
             bodies.heading[i], bodies.yaw_rate[i] = heading, yaw_rate
             bodies.v[i] = east * cos(heading) + north * sin(heading)
