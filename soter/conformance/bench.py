@@ -9,12 +9,13 @@ from typing import Final
 from soter.conformance.driver import ROUNDING, TICK_S, drive_until
 from soter.conformance.figure import NotTested
 from soter.conformance.judging import Judging
-from soter.conformance.track import TURNING_RAD_S, TrackSample, rates, turn
+from soter.conformance.track import CRUISE_S, TURNING_RAD_S, TrackSample, rates, turn
 from soter.sdk import Controller, Fleet, Goal, GoalStatus, Robot, Waypoint
 
 SETTLE_S: Final = 2.0
-"""After a goal is REACHED, at the edge of its radius, the robot goes on to its target within this time."""
+"""At least so long robots are given to come to rest; see `Bench.settle_s`."""
 
+_SETTLES_S: Final = 0.5
 _TIMES: Final = ("latency_s", "sample_age_s", "jitter_s", "setpoint_period_s", "lease_s")
 _LONGEST_S: Final = 30.0
 _LOOKS: Final = 5
@@ -92,7 +93,7 @@ class Bench(Judging):
         if off_m > max(_BACK * room_m, 2.0 * self.near_m):
             start = Waypoint(spec.x_m, spec.y_m, radius_m=2.0 * self.near_m)
             self.go(robot, start, Controller.SC, cause="it does not drive back to its start")
-            self.run(SETTLE_S)
+            self.settle()
         self._turned[robot.id] = self.look(robot).heading_rad
         del self.tracks[robot.id][:-1]
 
@@ -136,6 +137,20 @@ class Bench(Judging):
 
         looks = _LOOKS if closely and not self.caps.in_process else 1
         return drive_until(self.fleet, look, seconds, renew=renew, read=read, looks=looks)
+
+    def settle_s(self, speed_m_s: float | None = None) -> float:
+        """Return how long after a goal is REACHED, at the edge of its radius, a robot may drive on to its target.
+
+        Args:
+            speed_m_s: the goal's cap on the speed, or None.
+        """
+        caps = self.caps
+        drives_s = 2.0 * self.near_m / (speed_m_s or self._slow_m_s)
+        return max(SETTLE_S, _SETTLES_S + drives_s + caps.latency_s + self.brakes_s)
+
+    def settle(self, speed_m_s: float | None = None, *, renew: bool = True, closely: bool = False) -> None:
+        """Let robots that have arrived come to rest; see `settle_s` and `run`."""
+        self.run(self.settle_s(speed_m_s), renew=renew, closely=closely)
 
     def look(self, robot: Robot) -> TrackSample:
         """Return where a robot is now, and record it."""
@@ -297,6 +312,10 @@ class Bench(Judging):
         )
         return goal
 
+    def keep_on(self) -> None:
+        """Let a robot that `get_going` has brought up to speed drive on until it has driven evenly for a while."""
+        self.run(0.5 * max(self.brakes_s, self.gains_s) + CRUISE_S + TICK_S, closely=True)
+
     def expect_stop(self, robot: Robot, cause: str, *, extra_s: float = 0.0, renew: bool = True) -> None:
         """Fail the clause unless a moving robot stops within the time and way that it promises, and stays there.
 
@@ -309,7 +328,7 @@ class Bench(Judging):
         caps = self.caps
         before = self.tracks[robot.id][-1]
         begin_s = extra_s + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + TICK_S
-        allowed_s = begin_s + caps.v_max_m_s / caps.brake_m_s2
+        allowed_s = begin_s + self.brakes_s
         self.run(allowed_s + 2 * TICK_S + caps.sample_age_s, renew=renew)
         rest = self.look(robot)
         self.run(1.0, renew=renew)

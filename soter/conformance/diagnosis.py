@@ -1,4 +1,4 @@
-"""Faults that the kit finds in a robot's samples; they are reported before a clause's own likely cause."""
+"""Faults that the kit finds in samples and in the harness; they are reported before a clause's own likely cause."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
-from soter.conformance.track import MOVING_M_S, TrackSample
+from soter.conformance.track import MOVING_M_S, TrackSample, run_m
+from soter.sdk import Capabilities
 
 if TYPE_CHECKING:
     from soter.conformance.judging import Judging
@@ -20,13 +21,16 @@ _OFF_M: Final = 0.1
 _FROZEN_S: Final = 1.0
 _RECENT: Final = 60
 _SLIP_M: Final = 0.002
+_SHARE: Final = 0.5
+_RUNS: Final = 2.4
+_EMPTY: Final = 1e-6
 
 
 def explain(bench: Judging) -> str:
-    """Return what is wrong with the samples of the open fleet, ending with a semicolon; empty if nothing is."""
+    """Return what is wrong with samples, charge and room of the open fleet, with a semicolon; empty if nothing is."""
     if bench.capabilities is None or not bench.fleets:
         return ""
-    found: list[str] = []
+    found = [_narrow(bench)] if bench.harness.room_m < room_needed_m(bench.caps) else []
     for robot in bench.fleet.robots:
         track = bench.tracks.get(robot.id, [])
         if not track:
@@ -41,6 +45,9 @@ def explain(bench: Judging) -> str:
         else:
             found += _off_the_truth(bench, track, who)
             found += _moves_at_no_speed(track, who)
+            charge = track[-1].state.battery
+            if charge is not None and charge <= _EMPTY:
+                found.append(f"the battery of {who} is empty: the harness is to give it a charge that lasts longer")
         scatter_m, allowed_m = _scatter_m(track), bench.caps.position_noise_m
         if scatter_m > 2.0 * allowed_m + _SLIP_M:
             found.append(
@@ -50,6 +57,18 @@ def explain(bench: Judging) -> str:
         if robot.discarded and not bench.faulty:
             found.append(f"{robot.discarded} samples of {who} were discarded as not finite, late or another robot's")
     return "".join(f"{each}; " for each in found)
+
+
+def room_needed_m(caps: Capabilities) -> float:
+    """Return the side of a room in which a robot can get up to speed and stop wherever clauses have left it."""
+    return _RUNS * run_m(caps, caps.v_max_m_s / (caps.accel_m_s2 or math.inf), 2.0 * caps.lease_s)
+
+
+def _narrow(bench: Judging) -> str:
+    return (
+        f"its room of {bench.harness.room_m:g} m may be too small for its top speed, its brakes and how it gains "
+        f"speed: the harness's room_m = {room_needed_m(bench.caps):.1f} would do"
+    )
 
 
 def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> Iterator[str]:
@@ -74,7 +93,9 @@ def _moves_at_no_speed(track: Sequence[TrackSample], who: str) -> Iterator[str]:
     seen = [each.state for each in track]
     near = [(a, b) for a, b in pairwise(seen) if b.stamp_s - a.stamp_s <= _OLD_S]
     way_m = sum(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in near if len(near) >= _MANY)
-    if way_m > _OFF_M and all(math.hypot(each.vx_m_s, each.vy_m_s) <= MOVING_M_S for each in seen):
+    lasts_s = sum(b.stamp_s - a.stamp_s for a, b in near)
+    slow_m_s = min(MOVING_M_S, _SHARE * way_m / lasts_s) if lasts_s > 0.0 else 0.0
+    if way_m > _OFF_M and all(math.hypot(each.vx_m_s, each.vy_m_s) <= slow_m_s for each in seen):
         yield (
             f"the samples of {who} say that it stands, while they put it {way_m:.2f} m farther on: no velocity, or one "
             "that is taken from one read to the next"

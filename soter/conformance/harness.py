@@ -30,6 +30,9 @@ _IDLE_S: Final = 2400.0
 LEG_M: Final = 8.0
 """Length of the long leg of the kit's own simulated robots, on open ground."""
 
+BESIDE_LEG_M: Final = 0.91
+"""How far south of the start the box beside that leg begins."""
+
 FOR_EVER_S: Final = 1e6
 """Time to empty, or to charge, a battery whose charge is to stay the same."""
 
@@ -40,7 +43,7 @@ LIMITS: Final = RuleLimits(separation_m=0.45)
 def beside_leg(start: tuple[float, float]) -> Box:
     """Return a box beside the end of the long leg to the west of a start; robots must pass it undisturbed."""
     x_m, y_m = start
-    return Box(x_m - LEG_M, y_m - 1.3, x_m - 0.9 * LEG_M, y_m - 0.91)
+    return Box(x_m - LEG_M, y_m - 1.3, x_m - 0.9 * LEG_M, y_m - BESIDE_LEG_M)
 
 
 def specs_at(
@@ -104,7 +107,8 @@ class Harness(ABC):
     Attributes:
         name: what reports call the adapter.
         room_m: the side of the free square around every robot's start pose, in which the kit may drive it; at least
-            2 m, more for robots that need more than 0.3 m to stop. Rooms of two robots do not overlap.
+            2 m, more for robots that need more than 0.3 m to stop or to get up to speed: clauses that fail in too small
+            a room say what would do. Rooms of two robots do not overlap.
         leg_m: how far a robot may be driven to the west of its start, within 0.1 rad of the frame's negative x axis; 0
             where there is no room for a long leg.
         charges_at_start: whether a robot at rest at its start pose is being charged, and its battery not full at first.

@@ -13,7 +13,7 @@ from soter.conformance.diagnosis import explain
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import Failed, Figure, NotTested
 from soter.conformance.harness import Harness
-from soter.conformance.track import Fastest, TrackSample, fastest
+from soter.conformance.track import Fastest, Ramp, TrackSample, fastest, quantile
 from soter.sdk import Capabilities, Fleet, Goal, GoalStatus, Robot, Waypoint
 
 STILL_M: Final = 0.005
@@ -33,6 +33,7 @@ _READS: Final = 5
 _NEAR_M: Final = 0.05
 _MAY_BE: Final = 0.2
 _ENDS: Final = 4.0
+_MOSTLY: Final = 0.75
 _AT_S: Final = attrgetter("at_s")
 
 
@@ -53,7 +54,7 @@ class Judging:
         opener: opens robots in place of the harness's `open`; None for `open` itself.
         faulty: whether the clause has broken the link, so that silence is expected.
         always: the promises that every sample must keep, whatever the clause is about.
-        scatter_m: how far places were off the even ways that were fitted to them, at most.
+        ramps: the changes of speed that were fitted to samples.
     """
 
     def __init__(self, harness: Harness, *, truth: bool = False, needs: tuple[str, ...] = ()) -> None:
@@ -67,7 +68,7 @@ class Judging:
         self._turned: dict[int, float] = {}
         self.capabilities: Capabilities | None = None
         self.faulty = False
-        self.scatter_m = 0.0
+        self.ramps: list[Ramp] = []
         self.judged = 1
         self.always = Always()
         self.opener: Callable[[], Fleet] | None = None
@@ -147,11 +148,13 @@ class Judging:
 
     @property
     def _blurred_s(self) -> float:
-        """How far a fitted moment may be off by the seen noise, at most by the promised one.
+        """How far a fitted moment may be off, by too few samples and by the seen noise, at most by the promised one.
 
         The noise is that of both ends of the even way before it, and of the place of rest.
         """
-        return _ENDS * min(self.scatter_m, self.noise_m) / self.caps.v_max_m_s
+        scatter_m = max((each.scatter_m for each in self.ramps), default=0.0)
+        unsure_s = quantile([each.unsure_s for each in self.ramps] or [0.0], _MOSTLY)
+        return unsure_s + _ENDS * min(scatter_m, self.noise_m) / self.caps.v_max_m_s
 
     def blurred(self, rate_m_s2: float, *, at_least: bool = False) -> float:
         """Return the relative error of a measured acceleration due to noise, on the side that is judged."""
@@ -201,11 +204,24 @@ class Judging:
         caps = self.caps
         return 3.0 * self.harness.room_m / self._slow_m_s + 20.0 / caps.yaw_rate_max_rad_s + 2.0 + 4.0 * caps.latency_s
 
+    @property
+    def brakes_s(self) -> float:
+        """How long a robot may take from its top speed to rest."""
+        return self.caps.v_max_m_s / self.caps.brake_m_s2
+
+    @property
+    def gains_s(self) -> float:
+        """How long a robot may take from rest to its top speed; 0 if it does not promise how it gains speed.
+
+        At most the time for a third of its room: a promise far too small is to be found out, too.
+        """
+        v_max_m_s, accel_m_s2 = self.caps.v_max_m_s, self.caps.accel_m_s2
+        return 0.0 if accel_m_s2 is None else min(v_max_m_s / accel_m_s2, self.harness.room_m / (3.0 * v_max_m_s))
+
     def orphaned_s(self) -> float:
         """Return how long after the last renewal of its lease a robot at top speed may still move."""
         caps = self.caps
-        brakes_s = caps.v_max_m_s / caps.brake_m_s2
-        return caps.lease_s + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + brakes_s + TICK_S
+        return caps.lease_s + caps.latency_s + caps.jitter_s + caps.setpoint_period_s + self.brakes_s + TICK_S
 
     def from_start(self, robot: Robot, target: Waypoint) -> float:
         """Return how far a target is from where a robot started."""

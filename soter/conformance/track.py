@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from statistics import median
 from typing import Final, NamedTuple
 
-from soter.sdk import RobotState
+from soter.sdk import Capabilities, RobotState
 
 MOVING_M_S: Final = 0.02
 TURNING_RAD_S: Final = 0.1
@@ -89,6 +91,7 @@ class Ramp(NamedTuple):
         speed_m_s: the even speed.
         run_m: how far the robot got after the event; 0 for a start.
         scatter_m: how far places were off the even way at most.
+        unsure_s: how far the moments may be off because too few samples were taken during the change; mostly 0.
     """
 
     begins_s: float
@@ -96,6 +99,7 @@ class Ramp(NamedTuple):
     speed_m_s: float
     run_m: float
     scatter_m: float
+    unsure_s: float
 
     @property
     def rate_m_s2(self) -> float:
@@ -109,6 +113,18 @@ CRUISE_S: Final = 0.3
 _CANDIDATES: Final = 40
 _EARLY_S: Final = 0.02
 _SWIFT_M_S: Final = 0.01
+_DURING: Final = 2
+
+
+def run_m(caps: Capabilities, gains_s: float, waits_s: float) -> float:
+    """Return how far a robot may get while it gets up to speed, drives evenly, waits for `waits_s` and stops."""
+    ramps_s = 1.5 * max(caps.v_max_m_s / caps.brake_m_s2, gains_s)
+    return caps.v_max_m_s * (2.0 * reaction_s(caps) + ramps_s + 2.0 * CRUISE_S + waits_s)
+
+
+def reaction_s(caps: Capabilities) -> float:
+    """Return how long after a call a robot may begin to act, and a sample to show it."""
+    return caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.sample_age_s
 
 
 def fit_stop(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
@@ -136,7 +152,8 @@ def fit_stop(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
 
     # By an estimated clock braking may seem to begin just before the event; cut off there, it would seem harder.
     begins_s = _least(miss, -_EARLY_S, max(run_m / speed, 0.0))
-    return Ramp(begins_s, lasts_s(begins_s), speed, run_m, scatter_m)
+    unsure_s = _unsure_s([time_s for time_s, _ in after], begins_s, lasts_s(begins_s))
+    return Ramp(begins_s, lasts_s(begins_s), speed, run_m, scatter_m, unsure_s)
 
 
 def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
@@ -159,7 +176,15 @@ def fit_start(track: Sequence[TrackSample], event_s: float) -> Ramp | None:
         return sum((way - _begun(time_s, begins_s, ramp_s, speed)) ** 2 for time_s, way in ways)
 
     begins_s = _least(miss, -_EARLY_S, middle_s)
-    return Ramp(begins_s, 2.0 * (middle_s - begins_s), speed, 0.0, scatter_m)
+    lasts_s = 2.0 * (middle_s - begins_s)
+    return Ramp(begins_s, lasts_s, speed, 0.0, scatter_m, _unsure_s([time_s for time_s, _ in ways], begins_s, lasts_s))
+
+
+def _unsure_s(times_s: Sequence[float], begins_s: float, lasts_s: float) -> float:
+    """Return the time between samples if too few were taken during a change of speed to tell its two moments."""
+    if sum(begins_s < time_s < begins_s + lasts_s for time_s in times_s) >= _DURING:
+        return 0.0
+    return median([after_s - before_s for before_s, after_s in pairwise(times_s)] or [0.0])
 
 
 def _line(

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from soter.conformance.bench import Bench
 from soter.conformance.driver import TICK_S
-from soter.conformance.track import CRUISE_S, Ramp, fit_start, fit_stop
+from soter.conformance.track import CRUISE_S, Ramp, fit_start, fit_stop, reaction_s, run_m
 from soter.errors import Unsupported
 from soter.sdk import Controller, Goal, Robot, Waypoint
 
@@ -24,6 +24,7 @@ GOLDEN: Final = 0.618
 
 _ODD_TICKS: Final = 4
 _REST_S: Final = 0.25
+_TAIL_S: Final = 0.2
 _LONGEST_REST_S: Final = 4.0
 _SHARE_IN_PROCESS: Final = 0.02
 _SHARE: Final = 0.08
@@ -106,9 +107,7 @@ class Shuttle:
     def __init__(self, bench: Bench, robot: Robot) -> None:
         self._bench: Final = bench
         self._robot: Final = robot
-        caps = bench.caps
-        self._reaction_s: Final = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.sample_age_s
-        self._ramp_s: Final = caps.v_max_m_s / caps.brake_m_s2
+        self._reaction_s: Final = reaction_s(bench.caps)
         self._number = self._driven = 0
         self.end = bench.place(robot, _END)
         self._behind: Waypoint | None = None
@@ -140,9 +139,7 @@ class Shuttle:
         # A host that pauses for longer than the lease stops the robot too, which may void a few trials.
         good, void = 0, -max(_VOID, count // 8)
         while good < count:
-            needs_m = bench.caps.v_max_m_s * (2.0 * self._reaction_s + 2.0 * self._ramp_s + 2.0 * CRUISE_S + waits_s)
-            if bench.tracks[robot.id][-1].distance_m(self.end.x_m, self.end.y_m) < needs_m:
-                self._turn()
+            self._make_way(waits_s)
             backwards = self._behind is not None and self._driven % 2 == 1
             self._driven += 1
             self._wait_oddly()
@@ -159,7 +156,7 @@ class Shuttle:
             goal.cancel()
             if start is not None and end is not None:
                 good += 1
-                bench.scatter_m = max(bench.scatter_m, start.scatter_m, end.scatter_m)
+                bench.ramps += (start, end)
                 yield Trial(start, end, called_s, backwards)
             else:
                 void += 1
@@ -171,26 +168,35 @@ class Shuttle:
     def measure_start(self, name: str, cause: str, call: Callable[[], object] = lambda: None) -> None:
         """Judge how soon the robot gets going from rest after a call and an immediate goto."""
         bench, robot = self._bench, self._robot
+        self._make_way(0.0)
         called_s = bench.now_s
         call()
         bench.get_going(robot, self.end, closely=True, cause=cause)
-        bench.run(2.0 * CRUISE_S, closely=True)
+        bench.keep_on()
         start = fit_start(bench.tracks[robot.id], called_s)
         bench.require(start is not None, "it did not keep an even speed on a straight leg: it stops and goes")
         assert start is not None
-        bench.scatter_m = max(bench.scatter_m, start.scatter_m)
+        bench.ramps.append(start)
         bench.measure(name, start.begins_s, bench.caps.latency_s + bench.caps.jitter_s, bench.fit_s, cause)
 
     def _go(self, target: Waypoint) -> Goal:
         bench, robot = self._bench, self._robot
         goal = bench.get_going(robot, target, closely=True)
-        bench.run(0.5 * self._ramp_s + CRUISE_S + TICK_S, closely=True)
+        bench.keep_on()
         return goal
+
+    def _make_way(self, waits_s: float) -> None:
+        """Turn round if the end is too near to get up to speed and stop; see `trials`."""
+        left_m = self._bench.tracks[self._robot.id][-1].distance_m(self.end.x_m, self.end.y_m)
+        if left_m < run_m(self._bench.caps, self._bench.gains_s, waits_s):
+            self._turn()
 
     def _rest(self, waits_s: float, cause: str, *, renew: bool) -> None:
         """Wait until the robot is at rest; fail the clause if it never is."""
         bench, robot = self._bench, self._robot
-        bench.run(waits_s + self._reaction_s + 1.5 * self._ramp_s + _REST_S, renew=renew, closely=True)
+        # No longer than a robot needs that is to turn and drive on at once.
+        ramp_s = bench.brakes_s + min(0.5 * bench.brakes_s, _TAIL_S)
+        bench.run(waits_s + self._reaction_s + ramp_s + _REST_S, renew=renew, closely=True)
         give_up_s = bench.now_s + _LONGEST_REST_S
         while bench.now_s < give_up_s:
             last, recent = bench.tracks[robot.id][-1], bench.since(robot, bench.now_s - _REST_S)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from soter.adapters.pybullet.backend import KinematicBackend, KinematicRobot
 from soter.conformance import Overall, Verdict, judge
-from soter.sdk import RobotState
+from soter.conformance.clause import CLAUSES
+from soter.conformance.find import InProcessHarness
+from soter.sdk import Capabilities, Fleet, RobotSpec, RobotState
 from tests.broken.in_process import Broken
 from tests.broken.parts import memory
 from tests.conformance.simulated import SimulatedHarness
@@ -67,3 +71,52 @@ def test_a_robot_that_keeps_what_it_promises_conforms(kind: type[Broken]) -> Non
     record = judge(SimulatedHarness(kind))
     assert [each.reason for each in record.outcomes if each.verdict is Verdict.FAIL] == []
     assert record.overall is Overall.CONFORMS
+
+
+class Unlike(InProcessHarness):
+    """Robots that move unlike the reference robots, all of them; their batteries last as much longer."""
+
+    promised: Capabilities
+
+    def _opened(self, specs: Sequence[RobotSpec], places: int | None = None) -> Fleet:
+        lasts = [replace(each, drive_s=10.0 * each.drive_s, idle_s=10.0 * each.idle_s) for each in specs]
+        return super()._opened([replace(each, promised=each.promised or self.promised) for each in lasts], places)
+
+
+@pytest.mark.parametrize(
+    "promised",
+    [
+        {"v_max_m_s": 0.05, "yaw_rate_max_rad_s": 4.8},
+        {"brake_m_s2": 0.13},
+        {"v_max_m_s": 0.2, "brake_m_s2": 0.4, "accel_m_s2": 0.17, "lease_s": 0.3},
+        {"brake_m_s2": 4.0, "accel_m_s2": 3.0, "yaw_rate_max_rad_s": 0.2, "body_radius_m": 0.3},
+    ],
+    ids=["slow", "weak brakes", "slow to gain speed", "strong and slow to turn"],
+)
+def test_a_robot_of_any_speed_and_strength_conforms(promised: Mapping[str, Any]) -> None:
+    harness = Unlike("unlike", KinematicBackend)
+    harness.promised = replace(KinematicRobot.declared, **promised)
+    record = judge(harness)
+    assert [each.reason for each in record.outcomes if each.verdict is Verdict.FAIL] == []
+    assert record.overall is Overall.CONFORMS
+
+
+@pytest.mark.parametrize(
+    ("promised", "said"),
+    [
+        ({"v_max_m_s": 2.0}, "room_m = "),
+        ({"v_max_m_s": 0.02}, "is empty"),
+    ],
+    ids=["fast", "slow on a short charge"],
+)
+def test_a_failure_says_what_the_harness_has_too_little_of(promised: Mapping[str, Any], said: str) -> None:
+    class Short(Unlike):
+        def _opened(self, specs: Sequence[RobotSpec], places: int | None = None) -> Fleet:
+            return InProcessHarness._opened(
+                self, [replace(each, promised=each.promised or self.promised) for each in specs], places
+            )
+
+    harness = Short("short", KinematicBackend)
+    harness.promised = replace(KinematicRobot.declared, **promised)
+    record = judge(harness, [CLAUSES["bounds.overshoot"], CLAUSES["goto.wakes"], CLAUSES["bounds.tube"]])
+    assert any(said in each.reason for each in record.outcomes if each.verdict is Verdict.FAIL)

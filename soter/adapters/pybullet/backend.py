@@ -66,9 +66,6 @@ LEASE_S: Final = 0.1
 _ROUNDING_S: Final = 1e-6
 _ROUNDING: Final = 1e-9
 
-# Long enough to brake from top speed, with periods to spare.
-_REST_PERIODS: Final = 20
-
 
 class SimulatedRobot(Robot):
     """A robot of a world in this process.
@@ -177,7 +174,7 @@ class SimulatedRobot(Robot):
     def _disconnect(self, timeout_s: float) -> None:
         self._mux.revoke()
         index, period_s = self._index, self._world.period_s
-        for _ in range(min(_REST_PERIODS, int(timeout_s / period_s))):
+        for _ in range(int(timeout_s / period_s)):
             if abs(self._v[index]) <= REST_M_S and abs(self._yaw_rate[index]) <= REST_RAD_S:
                 break
             self.clock.sleep_until(self.clock.now() + period_s)

@@ -98,7 +98,7 @@ class _Told:
         caps = robot.capabilities
         self._reacts_s: Final = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + 2.0 * TICK_S
         self._turns_s: Final = self._reacts_s + 1.2 * math.pi / caps.yaw_rate_max_rad_s + _TURN_ENDS_S
-        self._stops_s: Final = self._reacts_s + caps.v_max_m_s / caps.brake_m_s2 + _TURN_ENDS_S
+        self._stops_s: Final = self._reacts_s + bench.brakes_s + _TURN_ENDS_S
 
     def go_on(self) -> None:
         """Send the next command if it is due."""
@@ -174,7 +174,7 @@ class _Told:
     def _judge_way(self, sample: TrackSample, since_s: float) -> None:
         """Fail the clause unless the robot gets nearer to its target, once it has had time to turn there."""
         bench, caps, target = self._bench, self._robot.capabilities, self._target
-        if not caps.pivots_first or target.heading_rad is not None or since_s < self._turns_s:
+        if not caps.pivots_first or target.heading_rad is not None or since_s < self._turns_s + bench.gains_s:
             return
         began = self._from = self._from or sample
         lasts_s, left_m = sample.at_s - began.at_s, self._left_m()
@@ -194,10 +194,11 @@ class _Told:
 
     @property
     def _settles_s(self) -> float:
-        """How long the robot may drive on to its target, and turn to its heading, once it is within the radius."""
+        """How long the robot may turn and drive on to its target, and turn to its heading, once within the radius."""
         target = self._target
         drives_s = target.radius_m / (target.speed_m_s or self._robot.capabilities.v_max_m_s)
-        return SETTLE_S + drives_s + (0.0 if target.heading_rad is None else self._turns_s)
+        turns_s = max(SETTLE_S, self._turns_s + self._bench.gains_s + self._bench.brakes_s)
+        return turns_s + drives_s + (0.0 if target.heading_rad is None else self._turns_s)
 
     @property
     def _over_s(self) -> float:

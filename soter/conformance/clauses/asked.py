@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.clauses import bounds, deadman, speeds
 from soter.conformance.figure import Failed
@@ -59,7 +59,7 @@ def asked(bench: Bench) -> None:
         *_, robot = bench.open(_TWO)
         began, target = bench.look(robot), bench.place(robot, 0.8, radius_m=bench.near_m)
         bench.go(robot, target)
-        bench.run(SETTLE_S)
+        bench.settle()
         way_m = began.distance_m(target.x_m, target.y_m)
         gone_m = max(each.distance_m(began.x_m, began.y_m) for each in bench.tracks[robot.id])
         bench.measure(

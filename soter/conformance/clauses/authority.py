@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.track import quantile
@@ -113,11 +113,11 @@ def obeys_at_once(bench: Bench) -> None:
 
 def _from_rest(bench: Bench, robot: Robot) -> None:
     """Judge whether a robot at rest gets going within the latency when a new controller sends a goal at once."""
-    bench.run(SETTLE_S)
+    bench.settle()
     robot.switch_ac_sc(Controller.AC, "conformance")
     shuttle = Shuttle(bench, robot)
     robot.switch_ac_sc(Controller.SC, "conformance")
-    bench.run(SETTLE_S, closely=True)
+    bench.settle(closely=True)
     shuttle.measure_start(
         "switch_to_motion_s", "a goto right after a switch waits: the vehicle is deaf until the switch is over",
         lambda: robot.switch_ac_sc(Controller.AC, "conformance"),
@@ -164,7 +164,7 @@ def idempotent(bench: Bench) -> None:
         GoalStatus.REACHED,
         "switch_ac_sc() to the same controller must renew the lease, and neither flush nor end goals",
     )
-    bench.run(SETTLE_S)
+    bench.settle()
     goal = bench.get_going(robot, bench.place(robot, -0.8))
     robot.hand_over_again()
     cause = "_hand_over() to the controller in charge flushes that one's own goal: say again who is in charge, no more"
@@ -183,7 +183,7 @@ def nothing_revived(bench: Bench) -> None:
     robot = bench.open_one()
     goal = bench.get_going(robot, bench.place(robot, 0.9))
     robot.switch_ac_sc(Controller.SC, "conformance")
-    bench.run(1.5)
+    bench.settle()
     _stays_when_told_again(bench, robot, "was pre-empted")
     robot.switch_ac_sc(Controller.AC, "conformance")
     bench.run(bench.caps.latency_s + 2 * TICK_S)
@@ -192,10 +192,10 @@ def nothing_revived(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, 0.8))
     robot.switch_ac_sc(Controller.SC, "conformance")
     bench.go(robot, bench.place(robot, 0.5, 0.2), Controller.SC)
-    bench.run(SETTLE_S)
+    bench.settle()
     bench.expect_still(robot, 2.0, "what was pre-empted is taken up again once the new controller's goal is reached")
     bench.get_going(robot, bench.place(robot, -0.8), Controller.SC).cancel()
-    bench.run(1.5)
+    bench.settle()
     _stays_when_told_again(bench, robot, "was cancelled")
 
 

@@ -75,7 +75,9 @@ def charge(bench: Bench) -> None:
         return
     bench.go(robot, bench.place(robot, 0.0, radius_m=bench.near_m))
     low = _charge(robot.read_state())
-    bench.run(5.0 + 2.5 * _PERCENT * robot.spec.charge_s, lambda: _charge(robot.read_state()) > low + ROUNDING)
+    # It may have to turn round first, to its middle.
+    charges_s = bench.way_s() + 2.5 * _PERCENT * robot.spec.charge_s
+    bench.run(charges_s, lambda: _charge(robot.read_state()) > low + ROUNDING)
     bench.require(
         _charge(robot.read_state()) > low,
         f"at rest on its charger the charge stays at {low:.3f}: it is frozen, or only ever falls",
@@ -221,7 +223,7 @@ def _late_at(bench: Bench, full: float, least: float) -> tuple[list[float], int]
     bench.opener = lambda: bench.harness.charged(full, _EMPTIES_S)
     robot, caps = bench.open_one(), bench.caps
     begins_s = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + caps.sample_age_s + _LATE_S
-    ends_s = begins_s + caps.v_max_m_s / caps.brake_m_s2
+    ends_s = begins_s + bench.brakes_s
     track, late, tried = bench.tracks[robot.id], [], 0
     ends = cycle((bench.place(robot, 0.9), bench.place(robot, -0.9)))
     end, until_s = next(ends), bench.now_s + _TWICE * (full - least) * _EMPTIES_S

@@ -83,7 +83,9 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
     """Judge whether a robot stops whose last renewal comes just before its clock shows a multiple of `every_s`."""
     caps, clock = bench.caps, bench.fleet.clock
     # How long before that time a leg may begin without ending too soon.
-    leg_s = 0.25 * bench.harness.room_m / caps.v_max_m_s
+    room_m, gains_s = bench.harness.room_m, bench.gains_s
+    even_s = min(0.25 * room_m / caps.v_max_m_s, 0.4 * room_m / caps.v_max_m_s - 0.5 * gains_s)
+    leg_s = even_s + gains_s
     soon_s = _LEARNS_S + 2.0 * leg_s
     state, wraps_s = robot.read_state(), 0.0
     if not caps.in_process:
@@ -107,7 +109,7 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
     )  # fmt: skip
     last_s = wraps_s - 0.5 * caps.lease_s
     bench.run(last_s - TICK_S - bench.now_s)
-    seen = bench.since(robot, last_s - 0.5 * leg_s)
+    seen = bench.since(robot, last_s - 0.5 * even_s)
     slow = sum(each.speed_m_s < _EVEN * caps.v_max_m_s for each in seen) / max(len(seen), 1)
     bench.require(
         slow <= _SLOW,
@@ -215,7 +217,7 @@ def restart(bench: Bench) -> None:
             "only once it has been on for a while", extra_s=bench.caps.lease_s, renew=False,
         )  # fmt: skip
         bench.go(robot, bench.place(robot, 0.0), cause=deaf)
-        bench.run(SETTLE_S)
+        bench.settle()
     _costs_the_other_nothing(bench)
 
 
@@ -268,4 +270,4 @@ def off_and_on(bench: Bench) -> None:
         )
         robot.hand_over_again()
         bench.go(robot, bench.place(robot, 0.0), by, cause="switched off and on, it does not obey any more")
-        bench.run(SETTLE_S)
+        bench.settle()

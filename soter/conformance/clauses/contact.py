@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.clauses.legs import along_and_across
 from soter.conformance.driver import TICK_S
@@ -70,7 +70,7 @@ def body(bench: Bench) -> None:
         "body_radius_m", touched_m / 2.0, radius_m, slack_m / 2.0,
         f"two robots touched with their centres {touched_m:.3f} m apart: body_radius_m is declared too small",
     )  # fmt: skip
-    bench.run(SETTLE_S)
+    bench.settle()
     bench.measure(
         "after_contact_m", max(math.dist(place, bench.true_pose(robot.id)[:2]) for robot, place in at.items()),
         2.0 * _SLOW * bench.caps.v_max_m_s * bench.orphaned_s(), bench.still_m,

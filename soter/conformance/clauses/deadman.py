@@ -232,19 +232,18 @@ def hand_over(bench: Bench) -> None:
 def _see_lease_end(bench: Bench, robot: Robot, old: Controller, to: Controller, target: Waypoint) -> None:
     """Judge whether a robot that drives on for a new controller stops when nothing is renewed after the hand-over."""
     caps = bench.caps
-    ramp_s = caps.v_max_m_s / caps.brake_m_s2
     robot.switch_ac_sc(old, "conformance")
     bench.run(caps.latency_s + 2 * TICK_S)
     bench.get_going(robot, target, old, closely=True)
-    bench.run(0.5 * ramp_s + CRUISE_S + TICK_S, closely=True)
+    bench.keep_on()
     called_s = bench.now_s
     robot.switch_ac_sc(to, "conformance")
     robot.goto(target, to)
-    bench.run(bench.orphaned_s() + 1.5 * ramp_s + caps.sample_age_s + CRUISE_S, renew=False, closely=True)
+    bench.run(bench.orphaned_s() + 1.5 * bench.brakes_s + caps.sample_age_s + CRUISE_S, renew=False, closely=True)
     end = fit_stop(bench.tracks[robot.id], called_s)
     # A host that paused for longer than the lease has stopped the robot before.
     if end is not None:
-        bench.scatter_m = max(bench.scatter_m, end.scatter_m)
+        bench.ramps.append(end)
         bench.measure(
             "lease_handed_s", end.begins_s, caps.lease_s + caps.latency_s + caps.jitter_s, bench.fit_s,
             f"after a hand-over to the {to}, and a goto, the lease is longer than otherwise: the new controller is "
@@ -347,7 +346,7 @@ def arriving(bench: Bench) -> None:
             ),
         )
         call(robot, goal)
-        bench.run(begin_s + caps.v_max_m_s / caps.brake_m_s2 + 1.0, renew=renew)
+        bench.run(begin_s + bench.brakes_s + 1.0, renew=renew)
         bench.measure(
             "left_m", bench.look(robot).distance_m(x_m, y_m), left_m - caps.v_max_m_s * TICK_S - caps.overshoot_m,
             bench.still_m, at_least=True,

@@ -12,7 +12,7 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.clauses.bounds import turns_at_least
 from soter.conformance.driver import ROUNDING, TICK_S
@@ -84,11 +84,11 @@ def minute(bench: Bench) -> None:
             "first", spread=late_s,
         )  # fmt: skip
     commands.shuttle.goal.cancel()
-    bench.run(SETTLE_S)
+    bench.settle()
     tired = [*Shuttle(bench, robot).trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
     measure_braking(bench, tired, f"after {lasts_s:.0f} s of driving", "tired_brake_m_s2")
     _turn_much(bench, robot)
-    bench.run(SETTLE_S)
+    bench.settle()
     state = bench.look(robot).state
     if bench.fleet.truth is not None or bench.harness.gives("observe"):
         bench.measure(
@@ -123,7 +123,7 @@ def counters(bench: Bench) -> None:
         sent += _AT_ONCE
         bench.run(_EVERY_S)
     bench.measure("goals_sent", sent)
-    bench.run(SETTLE_S)
+    bench.settle()
     cause = f"after {sent} goals it does not obey any more: what numbers goals or messages has too few digits"
     goal = bench.get_going(robot, bench.place(robot, 0.8), cause=cause)
     named = bench.look(robot).state.goal_id
@@ -142,7 +142,7 @@ def _turn_much(bench: Bench, robot: Robot) -> None:
     for number in range(turns):
         left = turns - number
         if left == _ALTERNATE:
-            bench.run(SETTLE_S)
+            bench.settle()
             del bench.tracks[robot.id][:-1]
         to_left = number < (turns - _ALTERNATE) // 2 if left > _ALTERNATE else left % 2 == 0
         at = bench.look(robot)
@@ -156,7 +156,7 @@ def _turn_much(bench: Bench, robot: Robot) -> None:
         bench.run(bench.way_s(), turned)
         if left <= _ALTERNATE:
             goal.cancel()
-            bench.run(SETTLE_S)
+            bench.settle()
     seen, off = bench.fastest(robot)
     bench.measure(
         "tired_yaw_rate_rad_s", min(seen[1:]), turns_at_least(bench), off * bench.caps.yaw_rate_max_rad_s,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import TrackSample, quantile, turn
@@ -77,13 +77,13 @@ def superseded(bench: Bench) -> None:
         f"after it was superseded, the robot went on to the old target for {nearer:.2f} m, allowed {allowed:.2f} m: "
         "targets are queued instead of replaced",
     )
-    bench.run(SETTLE_S)
+    bench.settle()
     bench.expect_still(robot, 2.0, "the old target is driven to after the new one")
     bench.require_status(first, GoalStatus.SUPERSEDED, "a goal ends once")
     bench.get_going(robot, bench.place(robot, 0.8))
     at, began_s = bench.look(robot), bench.now_s
     robot.goto(Waypoint(at.x_m, at.y_m), Controller.AC)
-    bench.run(caps.latency_s + caps.v_max_m_s / caps.brake_m_s2 + 1.0)
+    bench.run(caps.latency_s + bench.brakes_s + 1.0)
     # The robot may go back to its target, but not drive on.
     bench.measure(
         "held_after_m", max(each.distance_m(at.x_m, at.y_m) for each in bench.since(robot, began_s)), allowed,
@@ -128,7 +128,7 @@ def cancel(bench: Bench) -> None:
     goal.cancel()
     bench.expect_stop(robot, "a cancel within a goal's radius is dropped as needless: it drives on to the middle")
     if bench.caps.reverses:
-        bench.run(SETTLE_S)
+        bench.settle()
         at = bench.look(robot)
         way_m = 0.7 * bench.harness.room_m / 2.0
         behind = bench.place(robot, 0.0)._replace(
@@ -173,7 +173,7 @@ def cancel_early(bench: Bench) -> None:
             )
             called_s = bench.now_s
             call(robot, goal)
-            bench.run(SETTLE_S, renew=renews, closely=True)
+            bench.settle(renew=renews, closely=True)
             goal.cancel()
             seen = bench.since(robot, called_s)
             fastest = max(seen, key=lambda each: each.speed_m_s)
@@ -197,7 +197,7 @@ def cancels(bench: Bench) -> None:
     """Of many goals each is turned to, and each cancel stops the robot; none is lost or confused with another."""
     robot, caps = bench.open_one(), bench.caps
     starts_s = caps.latency_s + caps.jitter_s + caps.setpoint_period_s + _STARTS_S
-    stops_s = starts_s + caps.v_max_m_s / caps.brake_m_s2 + TICK_S
+    stops_s = starts_s + bench.brakes_s + TICK_S
     bench.go(robot, bench.place(robot, 0.0))
     for number in range(_CANCELS_IN_PROCESS if caps.in_process else _CANCELS):
         # To and fro about one place, so that it turns most of the time.
@@ -242,7 +242,7 @@ def cancel_own(bench: Bench) -> None:
     bench.get_going(robot, bench.place(robot, -0.7)).cancel()
     behind = robot.goto(bench.place(robot, -0.3), Controller.AC)
     bench.arrive(behind, "a goal that is sent right behind a cancel is lost: both wait, and the stop is done last")
-    bench.run(SETTLE_S)
+    bench.settle()
     bench.get_going(robot, bench.place(robot, 0.9))
     robot.goto(bench.place(robot, 0.95), Controller.AC).cancel()
     bench.expect_stop(

@@ -7,7 +7,7 @@ import time
 from functools import partial
 from itertools import pairwise
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import TrackSample, turn
@@ -100,7 +100,7 @@ def _see_it_set_out(bench: Bench, robot: Robot, target: Waypoint) -> None:
         f"{to.distance_m(at.x_m, at.y_m):.2f} m far: coordinates are wrapped, cut off, lose their sign, or 0 is taken "
         "for none",
     )
-    bench.run(_REST_S)
+    bench.run(max(_REST_S, bench.orphaned_s()))
 
 
 def _at(at: TrackSample, way_m: float, bearing_rad: float) -> Waypoint:
@@ -172,12 +172,12 @@ def holds(bench: Bench) -> None:
     robot = bench.open_one()
     target = bench.place(robot, 0.4, 0.2)
     bench.go(robot, target)
-    bench.run(2.0)
+    bench.settle()
     off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
     bench.require(
         off_m <= 0.5 * target.radius_m + bench.caps.overshoot_m + bench.still_m,
-        f"2 s after arrival it is {off_m:.2f} m from the target: the last set-point is a velocity that goes on, or it "
-        "stops at the edge of the radius instead of driving to the place itself",
+        f"{bench.settle_s():.0f} s after arrival it is {off_m:.2f} m from the target: the last set-point is a velocity "
+        "that goes on, or it stops at the edge of the radius instead of driving to the place itself",
     )
     bench.expect_still(robot, 3.0, "it creeps, circles or works off older targets")
 
@@ -187,7 +187,7 @@ def wakes(bench: Bench) -> None:
     """A robot that nothing was asked of for a while has stayed where it is, and a goto moves it within the latency."""
     robot = bench.open_one()
     shuttle = Shuttle(bench, robot)
-    bench.run(SETTLE_S)
+    bench.settle()
     idle_s = _IDLE_IN_PROCESS_S if bench.caps.in_process else _IDLE_S
     began_s = bench.now_s
     bench.expect_still(robot, idle_s, "it moves although nothing was asked of it")
@@ -232,7 +232,7 @@ def heading(bench: Bench) -> None:
             return
         bench.arrive(goal, "a target with a heading is not driven to: refused, or longer than what is read")
         bench.run(
-            2.0 + 10.0 / bench.caps.yaw_rate_max_rad_s,
+            bench.settle_s() + 10.0 / bench.caps.yaw_rate_max_rad_s,
             lambda began_s=began_s: bench.stands(robot, began_s),  # type: ignore[misc]
         )
         off = abs(turn(wanted, bench.look(robot).heading_rad))
@@ -246,7 +246,7 @@ def heading(bench: Bench) -> None:
         at = bench.look(robot)
         robot.goto(Waypoint(at.x_m, at.y_m, heading_rad=wanted), robot.in_charge)
         bench.run(
-            2.0 + 10.0 / bench.caps.yaw_rate_max_rad_s,
+            bench.settle_s() + 10.0 / bench.caps.yaw_rate_max_rad_s,
             lambda wanted=wanted: abs(turn(wanted, bench.tracks[robot.id][-1].heading_rad)) <= 0.1,  # type: ignore[misc]
         )
         off = abs(turn(wanted, bench.look(robot).heading_rad))
@@ -311,7 +311,7 @@ def flood(bench: Bench) -> None:
     target = bench.place(robot, 0.7)
     began_s = bench.now_s
     bench.go(robot, target)
-    bench.run(2.0)
+    bench.settle()
     ended = {goal.status for goal in goals}
     bench.require(
         ended == {GoalStatus.SUPERSEDED},
@@ -325,8 +325,8 @@ def flood(bench: Bench) -> None:
     off_m = bench.look(robot).distance_m(target.x_m, target.y_m)
     bench.require(
         strayed <= 0.2 and off_m <= target.radius_m + bench.caps.overshoot_m + bench.still_m,
-        f"on the way to the last of 201 targets, straight ahead, it drove {strayed:.2f} rad off, and 2 s after arrival "
-        f"it is {off_m:.2f} m away: older targets are queued and replayed; keep only the latest",
+        f"on the way to the last of 201 targets, straight ahead, it drove {strayed:.2f} rad off, and after "
+        f"arrival it is {off_m:.2f} m away: older targets are queued and replayed; keep only the latest",
     )
     bench.expect_still(
         robot, 2.0, f"older targets are queued and replayed (turned by more than {bench.still_rad:g} rad, or moved)"

@@ -8,10 +8,11 @@ from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
+from soter.conformance.harness import BESIDE_LEG_M
 from soter.conformance.track import TrackSample, fit_stop, turn
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Robot, Waypoint
@@ -31,6 +32,7 @@ _FAR_FROM = 0.8
 _FAR_TO = 4.0
 _LONG_LEGS, _FEW_LONG_LEGS = 4, 2
 _WEST_RAD = (0.09, -0.05)
+_PASSES_M = 0.05
 _CUT_AT = 0.3
 _CENTIMETRE_M = 0.01
 _NEXT_M = 0.0099
@@ -98,7 +100,7 @@ def long_tube(bench: Bench) -> None:
     widest, ends = 0.0, []
     for ahead in (-1.0, 1.0)[: bench.trials(2)]:
         bench.go(robot, bench.place(robot, -_FAR_FROM * ahead))
-        bench.run(SETTLE_S)
+        bench.settle()
         began, began_s = bench.look(robot), bench.now_s
         # Through the whole room, towards a target far beyond it.
         target = bench.place(robot, _FAR_TO * ahead)
@@ -118,7 +120,7 @@ def long_tube(bench: Bench) -> None:
         )
         beside = along_and_across(began, target, bench.since(robot, began_s))
         widest = max((widest, *(abs(across) for _, across in beside)))
-        bench.run(SETTLE_S, closely=True)
+        bench.settle(closely=True)
         ends.append(fit_stop(bench.tracks[robot.id], called_s))
     bench.measure(
         "long_stop_s", min((end.begins_s for end in ends if end), default=0.0), bench.caps.latency_s, bench.fit_s,
@@ -140,13 +142,14 @@ def leg(bench: Bench) -> None:
         # The charge that simulated robots start with does not last that long.
         bench.opener = partial(bench.harness.charged, 1.0)
     robot, way_m, widest = bench.open_one(), bench.harness.leg_m, []
+    passes_rad = (BESIDE_LEG_M - _PASSES_M - bench.caps.body_radius_m) / way_m
     for number in range(_LONG_LEGS if bench.caps.in_process else _FEW_LONG_LEGS):
         began, began_s = bench.look(robot), bench.now_s
         # There and back, to a new place each time: any one place may by chance be where the vehicle would drive anyway.
         if number % 2:
             target = bench.place(robot, *_BACK_AT[number // 2], radius_m=bench.near_m)
         else:
-            bearing_rad = math.pi + _WEST_RAD[number // 2]
+            bearing_rad = math.pi + min(_WEST_RAD[number // 2], passes_rad)
             target = Waypoint(
                 began.x_m + way_m * math.cos(bearing_rad), began.y_m + way_m * math.sin(bearing_rad),
                 radius_m=bench.near_m,
@@ -161,7 +164,7 @@ def leg(bench: Bench) -> None:
         )  # fmt: skip
         beside = along_and_across(began, target, bench.since(robot, began_s))
         widest.append(max(abs(across) for _, across in beside))
-        bench.run(SETTLE_S)
+        bench.settle()
     bench.measure(
         "leg_tube_m", max(widest), bench.caps.tube_m, bench.off_m, spread=widest,
         cause=f"on a leg of {way_m:g} m the vehicle leaves the straight segment: it drives by places between, such as "
@@ -179,7 +182,7 @@ def overshoot(bench: Bench) -> None:
     # A wide radius ends a goal early, but the robot still has to stop at the target.
     wide = bench.place(robot, 0.0, radius_m=_WIDE * bench.harness.room_m / 2.0)
     bench.go(robot, wide)
-    bench.run(SETTLE_S)
+    bench.settle()
     legs.append((began, wide, bench.since(robot, began_s)))
     late = (
         "it brakes too late for its target, is sent to a place beyond it, such as a rounded one, or overshoot_m is "
@@ -200,7 +203,7 @@ def _cut_off(bench: Bench, robot: Robot) -> list[tuple[TrackSample, Waypoint, li
     bench.go(robot, Waypoint(x_m + at_m, y_m + at_m, radius_m=bench.near_m))
     legs = []
     for side, digits in ((-1.0, _NEXT_M), (1.0, _CENTIMETRE_M - _NEXT_M))[: bench.trials(2)]:
-        bench.run(SETTLE_S)
+        bench.settle()
         began, began_s = bench.look(robot), bench.now_s
         x_to_m, y_to_m = (_CENTIMETRE_M * math.floor((to + side * at_m) / _CENTIMETRE_M) + digits for to in (x_m, y_m))
         target = Waypoint(x_to_m, y_to_m, radius_m=bench.near_m)
@@ -231,7 +234,7 @@ def pivot(bench: Bench) -> None:
             "it drives off before it has turned, or turns about another point than its place; declare "
             "pivots_first=False",
         )  # fmt: skip
-        bench.run(SETTLE_S)
+        bench.settle()
     _no_curve(bench, robot)
     for across_rad in (math.pi, 0.0)[: bench.trials(2)]:
         _the_short_way(bench, robot, across_rad)
@@ -241,7 +244,7 @@ def _the_short_way(bench: Bench, robot: Robot, across_rad: float) -> None:
     """Judge whether a robot turns across a direction, such as that at which headings wrap, by the short way."""
     bench.go(robot, bench.place(robot, 0.0))
     for aside_rad in (-_ACROSS_RAD, _ACROSS_RAD):
-        bench.run(SETTLE_S)
+        bench.settle()
         began, began_s = bench.look(robot), bench.now_s
         bearing_rad, way_m = across_rad + aside_rad, _ACROSS_AT * bench.harness.room_m / 2.0
         x_m, y_m = began.x_m + way_m * math.cos(bearing_rad), began.y_m + way_m * math.sin(bearing_rad)
@@ -267,7 +270,7 @@ def _no_curve(bench: Bench, robot: Robot) -> None:
     bearing_rad = at.heading_rad + _ASIDE_RAD
     target = Waypoint(at.x_m + _ASIDE_M * math.cos(bearing_rad), at.y_m + _ASIDE_M * math.sin(bearing_rad))
     bench.go(robot, target)
-    rests_s = called_s + caps.latency_s + caps.jitter_s + 2 * TICK_S + caps.v_max_m_s / caps.brake_m_s2
+    rests_s = called_s + caps.latency_s + caps.jitter_s + 2 * TICK_S + bench.brakes_s
     turning = [
         each
         for each in bench.since(robot, rests_s)

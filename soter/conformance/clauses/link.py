@@ -6,7 +6,7 @@ import math
 from contextlib import suppress
 from statistics import median
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.track import quantile
@@ -164,7 +164,7 @@ def reconnects(bench: Bench) -> None:
     bench.go(
         robot, bench.place(robot, -0.2, 0.3), cause="samples came back with the link, but the way to the robot did not"
     )
-    bench.run(SETTLE_S)
+    bench.settle()
     bench.expect_still(robot, 1.0, "what was sent while the link was cut is delivered late")
 
 
@@ -296,7 +296,7 @@ def reconnects_each(bench: Bench) -> None:
             f"after both links came back a goto to robot {robot.id} moved robot {other.id} by {moved_m:.2f} m: they "
             "are confused",
         )
-        bench.run(SETTLE_S)
+        bench.settle()
 
 
 @clause("link.switch_is_not_lost", tier=Tier.WIRE, hooks=("loss",))
@@ -373,7 +373,7 @@ def duplicate(bench: Bench) -> None:
     bench.faulty = True
     bench.harness.duplicate(0.5)
     _arrives(bench, robot, "half of all messages doubled")
-    bench.run(SETTLE_S)
+    bench.settle()
     bench.expect_still(robot, 2.0, "a doubled message is executed again")
 
 

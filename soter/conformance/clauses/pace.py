@@ -20,6 +20,7 @@ _SLOWER: Final = 0.55
 _EVEN: Final = 0.25
 _GIVES_UP_S: Final = 1.0
 _FEW: Final = 20
+_TOWARDS: Final = 0.9
 
 
 @clause("endurance.pace")
@@ -67,7 +68,7 @@ class _Changes:
         self._shuttle: Final = ToAndFro(bench, robot)
         self._speeds_m_s: Final = (_SLOWER * caps.v_max_m_s, caps.v_max_m_s)
         self._even_m_s: Final = even_m_s
-        shortest_s = self.most_s + caps.sample_age_s + by_m_s / caps.brake_m_s2
+        shortest_s = self.most_s + caps.sample_age_s + by_m_s / min(caps.brake_m_s2, caps.accel_m_s2 or math.inf)
         self._every_s: Final = TICK_S * math.ceil(shortest_s / TICK_S)
         self._free_m: Final = caps.v_max_m_s * (self._every_s + TICK_S) + caps.v_max_m_s**2 / (2.0 * caps.brake_m_s2)
         # For the slower and the faster speed: from each goto to the stamp of the first sample closer to that speed.
@@ -104,5 +105,7 @@ class _Changes:
         self._fast, self._due_s = 1 - self._fast, now_s + self._every_s - ROUNDING
         self._shuttle.go_on(anew=True, speed_m_s=self._speeds_m_s[self._fast])
         # A robot that brakes for its target, or turns to the next, changes its speed by itself.
-        free = self._shuttle.end is end and at.distance_m(end.x_m, end.y_m) - end.radius_m > self._free_m
-        self._sent_s = now_s if even and free else math.nan
+        left_m = at.distance_m(end.x_m, end.y_m)
+        free = self._shuttle.end is end and left_m - end.radius_m > self._free_m
+        gets_m_s = ((end.x_m - at.x_m) * at.state.vx_m_s + (end.y_m - at.y_m) * at.state.vy_m_s) / max(left_m, 1e-9)
+        self._sent_s = now_s if even and free and gets_m_s > _TOWARDS * at.speed_m_s else math.nan

@@ -30,7 +30,7 @@ def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: st
         before = bench.harness.observe(robot.id)
         end(process)
         speedup = bench.harness.speedup
-        allowed_s = caps.lease_s + caps.latency_s + caps.setpoint_period_s + caps.v_max_m_s / caps.brake_m_s2
+        allowed_s = caps.lease_s + caps.latency_s + caps.setpoint_period_s + bench.brakes_s
         began_s = time.monotonic()
         time.sleep((allowed_s + caps.jitter_s + 0.1) / speedup)
         rest = bench.harness.observe(robot.id)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from threading import Event, Thread
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import turn
@@ -23,7 +23,7 @@ def one_program(bench: Bench) -> None:
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.3))
     bench.go(robot, bench.place(robot, 0.6))
-    bench.run(SETTLE_S)
+    bench.settle()
     with bench.harness.second() as fleet:
         _intrude(
             bench, robot, fleet.robots[0], "",

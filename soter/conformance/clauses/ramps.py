@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from contextlib import suppress
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
+from soter.conformance.driver import TICK_S
 from soter.conformance.track import CRUISE_S, Ramp, fit_start, fit_stop, quantile
 from soter.conformance.trials import Shuttle, measure_braking, share_off
 from soter.errors import Unsupported
@@ -15,8 +15,10 @@ from soter.sdk import Controller, Robot
 
 _STOPS = 12
 _REVERSALS = 3
+_ALMOST_AT_REST, _AT_SPEED = 0.2, 0.95
 _SLOW_STOPS = 4
 _BLUR = 4.0
+_LEAST_M_S = 0.02
 _ASIDE = 0.12
 _EVEN = 0.7
 _STEERS_S = 0.3
@@ -30,9 +32,10 @@ def braking(bench: Bench) -> None:
     shuttle, cap_m_s = Shuttle(bench, robot), 0.5 * bench.caps.v_max_m_s
     trials = [*shuttle.trials(bench.trials(_STOPS), lambda goal: goal.cancel())]
     measure_braking(bench, trials, "after a cancel")
-    slow = [*shuttle.trials(bench.trials(_SLOW_STOPS), lambda goal: goal.cancel(), speed_m_s=cap_m_s)]
-    # From half the speed, the braking distance to measure is only a quarter.
-    measure_braking(bench, slow, "after a cancel at half its speed", "slow_brake_m_s2", _BLUR)
+    if cap_m_s > _LEAST_M_S:
+        slow = [*shuttle.trials(bench.trials(_SLOW_STOPS), lambda goal: goal.cancel(), speed_m_s=cap_m_s)]
+        # From half the speed, the braking distance to measure is only a quarter.
+        measure_braking(bench, slow, "after a cancel at half its speed", "slow_brake_m_s2", _BLUR)
     if bench.caps.in_process:
         _in_curves(bench, robot)
 
@@ -42,7 +45,7 @@ def _in_curves(bench: Bench, robot: Robot) -> None:
     seen = []
     for left in (_ASIDE, -_ASIDE) * bench.trials(_REVERSALS):
         bench.go(robot, bench.place(robot, -0.7))
-        bench.run(SETTLE_S)
+        bench.settle()
         bench.get_going(robot, bench.place(robot, 0.8))
         bench.run(2.0 * CRUISE_S)
         goal = robot.goto(bench.place(robot, 0.8, left), Controller.AC)
@@ -51,7 +54,7 @@ def _in_curves(bench: Bench, robot: Robot) -> None:
         steers = steers and bench.tracks[robot.id][-1].speed_m_s > _EVEN * bench.caps.v_max_m_s
         called_s = bench.now_s
         goal.cancel()
-        bench.run(SETTLE_S)
+        bench.settle()
         end = fit_stop(bench.tracks[robot.id], called_s)
         if steers and end is not None:
             seen.append(end.rate_m_s2)
@@ -85,19 +88,24 @@ def acceleration(bench: Bench) -> None:
 
 def _reversals(bench: Bench, robot: Robot) -> Iterator[Ramp]:
     """Yield how the robot got going backwards directly from driving forwards."""
+
+    def share() -> float:
+        return bench.tracks[robot.id][-1].speed_m_s / bench.caps.v_max_m_s
+
     for _ in range(bench.trials(_REVERSALS) if bench.caps.reverses else 0):
         bench.go(robot, bench.place(robot, -0.3))
-        bench.run(SETTLE_S)
+        bench.settle()
         bench.get_going(robot, bench.place(robot, 0.9), closely=True)
         at, called_s = bench.look(robot), bench.now_s
         with suppress(Unsupported):
             back = bench.place(robot, -0.85)._replace(heading_rad=at.heading_rad)
             robot.goto(back, Controller.AC)
-            ramps_s = bench.caps.v_max_m_s * (1.0 / bench.caps.brake_m_s2 + 1.0 / (bench.caps.accel_m_s2 or math.inf))
-            bench.run(bench.caps.latency_s + bench.caps.jitter_s + ramps_s + 2.0 * CRUISE_S, closely=True)
+            bench.run(bench.orphaned_s(), lambda: share() < _ALMOST_AT_REST, closely=True)
+            bench.run(2.0 * bench.gains_s + CRUISE_S, lambda: share() > _AT_SPEED, closely=True)
+            bench.run((1.0 - _AT_SPEED) * bench.gains_s + CRUISE_S + TICK_S, closely=True)
             seen = bench.since(robot, called_s)
             turns_s = max(seen, key=lambda each: each.distance_m(back.x_m, back.y_m)).at_s
             ramp = fit_start([each for each in seen if each.at_s >= turns_s], turns_s)
             if ramp is not None:
-                bench.scatter_m = max(bench.scatter_m, ramp.scatter_m)
+                bench.ramps.append(ramp)
                 yield ramp

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.clauses import deadman, goals, samples, state
 from soter.conformance.driver import TICK_S
@@ -100,7 +100,7 @@ def goto(bench: Bench) -> None:
             goal, GoalStatus.REACHED, f"a goto to robot {mover.id} does not move it: it is not sent, or is taken for "
             "one of another robot's, since goals' ids count anew for each",
         )  # fmt: skip
-        bench.run(SETTLE_S)
+        bench.settle()
 
 
 @clause("several.switch")
@@ -261,7 +261,7 @@ def close(bench: Bench) -> None:
     bench.require_status(
         goal, GoalStatus.REACHED, "close() of one robot closed what the others share; that is Fleet._close()"
     )
-    drive(SETTLE_S)
+    drive(bench.settle_s())
     second.goto(bench.place(second, -0.85), Controller.AC)
     fast_m_s = _FAST * bench.caps.v_max_m_s
     drive(bench.way_s(), lambda: bench.tracks[second.id][-1].speed_m_s > fast_m_s)

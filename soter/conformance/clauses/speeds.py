@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.errors import Unsupported
 from soter.sdk import Controller, Robot
@@ -22,15 +22,15 @@ def _measure(bench: Bench, robot: Robot, name: str, cap_m_s: float, cause: str) 
     bench.measure(name, seen.speed_m_s, cap_m_s, off * cap_m_s + bench.speed_noise_m_s, cause)
 
 
-def _begin_at_rest(bench: Bench, robot: Robot) -> None:
-    """Wait until the robot is at rest, and forget the samples so far."""
-    bench.run(SETTLE_S)
+def _begin_at_rest(bench: Bench, robot: Robot, cap_m_s: float) -> None:
+    """Wait until the robot, driven with a cap so far, is at rest, and forget the samples so far."""
+    bench.settle(cap_m_s)
     bench.tracks[robot.id].clear()
 
 
 def _hand_over(bench: Bench, robot: Robot, to: Controller, ahead: float, cap_m_s: float) -> None:
     """Judge whether the first goal after a hand-over keeps to its cap, equal to that of the goal before."""
-    _begin_at_rest(bench, robot)
+    _begin_at_rest(bench, robot, cap_m_s)
     robot.switch_ac_sc(to, "conformance")
     bench.go(robot, bench.place(robot, ahead, speed_m_s=cap_m_s), to)
     _measure(
@@ -52,7 +52,7 @@ def speed_cap(bench: Bench) -> None:
         "the goal's speed_m_s is not passed on to the vehicle, or counts for a later goal",
     )  # fmt: skip
     low = _LOW * bench.caps.v_max_m_s
-    _begin_at_rest(bench, robot)
+    _begin_at_rest(bench, robot, cap)
     bench.go(robot, bench.place(robot, 0.4, speed_m_s=low))
     _measure(
         bench, robot, "low_speed_m_s", low,
@@ -61,7 +61,7 @@ def speed_cap(bench: Bench) -> None:
     if bench.trials(_TWO) < _TWO:
         return
     _hand_over(bench, robot, Controller.SC, 0.2, low)
-    _begin_at_rest(bench, robot)
+    _begin_at_rest(bench, robot, low)
     bench.go(robot, bench.place(robot, -0.1, speed_m_s=cap), Controller.SC)
     with suppress(Unsupported):
         bench.go(
@@ -73,7 +73,7 @@ def speed_cap(bench: Bench) -> None:
     )  # fmt: skip
     if bench.caps.reverses:
         with suppress(Unsupported):
-            _begin_at_rest(bench, robot)
+            _begin_at_rest(bench, robot, cap)
             back = bench.place(robot, -0.1, speed_m_s=cap, heading_rad=bench.home(robot)[2])
             bench.go(robot, back, Controller.SC)
             _measure(
@@ -92,9 +92,9 @@ def speed_cap(bench: Bench) -> None:
         bench, robot, "slowed_speed_m_s", cap,
         "a goal to the place that is driven to already is taken for the same, and its speed_m_s left out",
     )  # fmt: skip
-    _begin_at_rest(bench, robot)
+    _begin_at_rest(bench, robot, cap)
     goal = robot.goto(bench.place(robot, -0.95, speed_m_s=_LEAST * bench.caps.v_max_m_s), Controller.AC)
-    bench.run(SETTLE_S)
+    bench.settle()
     goal.cancel()
     _measure(
         bench, robot, "least_speed_m_s", low,

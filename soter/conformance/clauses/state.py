@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from soter.conformance.bench import SETTLE_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
@@ -193,7 +193,7 @@ def velocity(bench: Bench) -> None:
 def _brakes_as_said(bench: Bench, robot: Robot) -> None:
     """Judge whether velocities match the change of place while a robot comes to rest."""
     caps, lags_s, ran_m, said_m, off_m, kinks_s = bench.caps, [], 0.0, 0.0, 0.0, 0.0
-    bench.run(SETTLE_S)
+    bench.settle()
     for number in range(_STOPS):
         goal = bench.get_going(robot, bench.place(robot, 0.8 if number % 2 else -0.8), closely=True)
         bench.run(CRUISE_S, closely=True)
@@ -220,7 +220,7 @@ def _creeps_as_said(bench: Bench, robot: Robot) -> None:
     """Judge whether velocities match the change of place while a robot is slow."""
     caps = bench.caps
     goal = robot.goto(bench.place(robot, -0.8, speed_m_s=_CREEPS * caps.v_max_m_s), Controller.AC)
-    bench.run(SETTLE_S)
+    bench.settle()
     began_s = bench.now_s
     bench.run(_CREEPS_S)
     goal.cancel()
@@ -233,7 +233,8 @@ def _creeps_as_said(bench: Bench, robot: Robot) -> None:
     lasts_s = seen[-1].at_s - seen[0].at_s
     bench.measure(
         "creeping_m_s", math.dist(moved_m, said_m) / lasts_s,
-        _VELOCITY * caps.v_max_m_s if caps.speed_noise_m_s is None else caps.speed_noise_m_s, bench.off_m / lasts_s,
+        _VELOCITY * caps.v_max_m_s if caps.speed_noise_m_s is None else caps.speed_noise_m_s,
+        (bench.off_m + _CREEPS * caps.v_max_m_s * TICK_S) / lasts_s,
         f"at {_CREEPS:g} of its top speed it moves by {math.hypot(*moved_m):.3f} m, and velocities say "
         f"{math.hypot(*said_m):.3f} m: a small speed is said to be none, so that who creeps seems to stand",
     )  # fmt: skip
@@ -306,7 +307,7 @@ def _steers_backwards_as_said(bench: Bench, robot: Robot) -> None:
     heading_rad = bench.home(robot)[2]
     for name, left in (("right", _ASIDE), ("left", -_ASIDE)):
         bench.go(robot, bench.place(robot, 0.7))
-        bench.run(SETTLE_S)
+        bench.settle()
         bench.get_going(robot, bench.place(robot, -0.8)._replace(heading_rad=heading_rad))
         bench.run(CRUISE_S)
         began_s = bench.now_s
@@ -314,7 +315,7 @@ def _steers_backwards_as_said(bench: Bench, robot: Robot) -> None:
         # A robot that comes to rest before it turns does not steer.
         bench.run(_STEERS_S, lambda: bench.tracks[robot.id][-1].speed_m_s < _EVEN * bench.caps.v_max_m_s)
         goal.cancel()
-        bench.run(SETTLE_S)
+        bench.settle()
         seen = [each for each in bench.since(robot, began_s) if each.speed_m_s > _EVEN * bench.caps.v_max_m_s]
         turned = sum(turn(a.heading_rad, b.heading_rad) for a, b in pairwise(seen))
         said = sum(
