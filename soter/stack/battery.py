@@ -13,10 +13,13 @@ from soter.stack.recovery import Leg, RecoveryPlanner
 from soter.stack.return_path import DETOUR_M, ReturnPath
 from soter.stack.safe_controller import SafeController
 from soter.stack.site_routes import Rectangle
-from soter.stack.terrain import Point
+from soter.stack.terrain import Point, length_m
 
 BLOCKED_S: Final = 15.0
 PROGRESS_M: Final = 0.1
+ASTRAY_M: Final = 1.0
+"""A robot that has been driven so much farther from its station begins its way anew."""
+
 DOCKED_M: Final = 0.03
 """A robot this near to the middle of its station has arrived."""
 
@@ -108,8 +111,8 @@ class GoHome(SafeController):
         self._dock: Final = dock
         self._legs: list[Point] = []
         self._detouring = False
-        self._mark: Point = (math.inf, math.inf)
-        self._mark_s = 0.0
+        self._to_go_m = math.inf
+        self._progress_s = self._asked_s = -math.inf
 
     def engage(self, situation: Situation) -> None:
         super().engage(situation)
@@ -130,15 +133,24 @@ class GoHome(SafeController):
         if math.hypot(self._dock.place[0] - x, self._dock.place[1] - y) < DOCKED_M:
             self._detouring = False
             return self.recovery.hold(situation)
-        if math.hypot(self._mark[0] - x, self._mark[1] - y) > PROGRESS_M:
-            self._mark, self._mark_s = (x, y), situation.now_s
-        elif situation.now_s - self._mark_s > BLOCKED_S:
-            self._mark_s = situation.now_s
-            self._legs = self._dock.path.around(x, y, self._discs(situation))
-            self._detouring = bool(self._legs)
         if not self._legs:
             self._legs = self._dock.path.legs(x, y)
+        if self._blocked(situation.now_s, length_m([(x, y), *self._legs])):
+            around = self._dock.path.around(x, y, self._discs(situation))
+            self._detouring, self._to_go_m = bool(around), math.inf
+            self._legs = around or self._dock.path.legs(x, y)
         return self.follow(situation, self._legs)
+
+    def _blocked(self, now_s: float, to_go_m: float) -> bool:
+        """Return whether the robot has not got nearer to its station for a while, even if it moves to and fro."""
+        paused = now_s - self._asked_s > BLOCKED_S
+        self._asked_s = now_s
+        if paused or to_go_m < self._to_go_m - PROGRESS_M or to_go_m > self._to_go_m + ASTRAY_M:
+            self._to_go_m, self._progress_s = to_go_m, now_s
+        if now_s - self._progress_s <= BLOCKED_S:
+            return False
+        self._progress_s = now_s
+        return True
 
     def _discs(self, situation: Situation) -> list[Rectangle]:
         """Return the room of every peer, which a detour keeps out of, except that of peers at the station itself."""

@@ -179,7 +179,7 @@ class BackAway(Retreat):
         self.leave, self.aside = path, path is not None or self._dock.wants_charge
         if path is not None:
             return self._leave(situation, path)
-        if rule.first(situation.robot_id) and not self._dock.wants_charge:
+        if rule.first(situation.robot_id) and not self._dock.wants_charge and not rule.is_held(situation.robot_id):
             return self.recovery.hold(situation)
         return super().motion(situation)
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Final
 
 from soter.config import MissionFile
 from soter.errors import IllFormedModule
-from soter.geometry.workspace import Box, RobotPlace, Workspace, grown
+from soter.geometry.workspace import RobotPlace, Workspace
 from soter.rta import PairBound, Region, RTAModule, SpeedBound, Timing, Topic
 from soter.rta.module import plain
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Dock, GoHome
-from soter.stack.infrastructure import check_infrastructure, check_start
+from soter.stack.infrastructure import check_infrastructure, check_start, occupied
 from soter.stack.module_kit import ModuleKit
 from soter.stack.modules import declare_module, geofence, obstacle
 from soter.stack.own_rules import OwnRule, apart_m, forbidden
@@ -53,6 +52,7 @@ class Declared:
         peers: what the other robots are assumed to respect.
         timing: what the robot adds to every horizon.
         own: the user's modules, also those that are off, whose rules can still be judged.
+        apart_m: distance at which the user's rules about pairs give robots back, found by probing them; 0 without any.
     """
 
     modules: tuple[RTAModule, ...]
@@ -64,16 +64,11 @@ class Declared:
     peers: Peers
     timing: Timing
     own: tuple[RTAModule, ...] = ()
+    apart_m: float = 0.0
 
     def module(self, name: str) -> RTAModule:
         """Return one of the modules by its name."""
         return next(module for module in self.modules if module.name == name)
-
-    @cached_property
-    def apart_m(self) -> float:
-        """Distance at which the user's rules about pairs give robots back, found by probing them; 0 without any."""
-        rules = [module.phi_safer for module in self.modules if module in self.own and module.of_pairs]
-        return max((apart_m(rule, self.place) for rule in rules if isinstance(rule, Region)), default=0.0)
 
     def check(self, base_tick_s: float) -> None:
         """Check every module against the robot's promises.
@@ -140,19 +135,24 @@ def declare(
     )  # fmt: skip
     place = next(place for place in workspace.robots if place.id == robot_id)
     # Every station can be reached while all others are occupied.
-    apart_m = recovery.apart_m(worst.sample_age_s) if rules.pairs else 0.0
-    occupied = [grown(Box(*each.charger.centre, *each.charger.centre), apart_m) for each in workspace.robots]
+    beside_m = recovery.apart_m(worst.sample_age_s) if rules.pairs else 0.0
     stations = [
-        edges for each, edges in zip(workspace.robots, occupied, strict=True) if apart_m and each.id != robot_id
+        edges
+        for each in workspace.robots
+        if beside_m and each.id != robot_id
+        for edges in occupied(each.charger.centre, beside_m, place.charger.centre)
     ]
 
+    timing = timing_of(capabilities, tick_s)
+
     def path_around(more: Sequence[Rectangle]) -> ReturnPath:
-        home_m, inset_m = _home_clearance_m(mission, capabilities) - beyond_m, _inset_m(mission, capabilities)
+        kept_m = obstacle.keep_m(rta.obstacle, recovery, timing), geofence.keep_m(rta.geofence, recovery, timing)
+        home_m = _home_clearance_m(mission, capabilities, kept_m[0]) - beyond_m
+        inset_m = _inset_m(mission, capabilities, kept_m[1])
         return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, [*stations, *more])
 
     cost_per_m = 1.0 / (mission.battery.drive_s * capabilities.v_max_m_s)
     dock = Dock(place.charger, path_around(()), cost_per_m)
-    timing = timing_of(capabilities, tick_s)
     kit = ModuleKit(
         "", robot_id, capabilities, workspace, terrain, ac, Topic(WAYPOINT), recovery,
         _refuges(mission, capabilities, room, recovery, timing), dock, GoHome(tick_s, ac.waypoint, recovery, dock),
@@ -177,10 +177,12 @@ def declare(
         dock.path = path_around(around)
         kit.refuges.around = around
     # Each of the user's modules may keep a robot from going home for its `lets_go_s`.
-    kit = replace(kit, contracts_s=sum(module.lets_go_s for module in enforced))
+    safer = [module.phi_safer for module in enforced if module.of_pairs]
+    pairs_m = max((apart_m(rule, place) for rule in safer if isinstance(rule, Region)), default=0.0)
+    kit = replace(kit, contracts_s=sum(module.lets_go_s for module in enforced), pairs_m=pairs_m)
     modules = tuple(own[name] if name in own else made(name) for name in rta.order)
     others = tuple(each for each in workspace.robots if each.id != robot_id)
-    return Declared(modules, recovery, kit.refuges, dock, place, others, peers, timing, tuple(own.values()))
+    return Declared(modules, recovery, kit.refuges, dock, place, others, peers, timing, tuple(own.values()), pairs_m)
 
 
 def _own_rule(module: RTAModule, timing: Timing) -> OwnRule:
@@ -242,18 +244,26 @@ def _rules(mission: MissionFile) -> RecoveryRules:
     )
 
 
-def _home_clearance_m(mission: MissionFile, capabilities: Capabilities) -> float:
-    """Return how far return paths keep from boxes: enough for the obstacle module, which goes first, not to fire."""
+def _home_clearance_m(mission: MissionFile, capabilities: Capabilities, keep_m: float) -> float:
+    """Return how far return paths keep from boxes: enough for the obstacle module, which goes first, not to fire.
+
+    Else its safe controller turns back to where the path has that room, and the battery's on again, for ever.
+
+    Args:
+        mission: its `rta` table.
+        capabilities: what the robot promises.
+        keep_m: the module's `keep`.
+    """
     if OBSTACLE not in mission.rta.order:
         return HOME_CLEARANCE_M
-    obstacle = mission.rta.obstacle
+    table = mission.rta.obstacle
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
-    reach_m = speed.bound(timing_of(capabilities, mission.base_tick_s).look_s(obstacle.delta_s))
-    return max(HOME_CLEARANCE_M, obstacle.phi_safe_m + reach_m + _unsure_m(capabilities))
+    reach_m = speed.bound(timing_of(capabilities, mission.base_tick_s).look_s(table.delta_s))
+    return max(HOME_CLEARANCE_M, table.phi_safe_m + reach_m + keep_m + _unsure_m(capabilities))
 
 
-def _inset_m(mission: MissionFile, capabilities: Capabilities) -> float:
-    """Return how near return paths may come to the fence without the geofence module firing.
+def _inset_m(mission: MissionFile, capabilities: Capabilities, keep_m: float) -> float:
+    """Return how near return paths may come to the fence without the geofence module, with its `keep`, firing.
 
     Without that module robots may be anywhere on the open ground around the fence, and return paths lead there too.
     """
@@ -261,7 +271,7 @@ def _inset_m(mission: MissionFile, capabilities: Capabilities) -> float:
         return -math.inf
     speed = SpeedBound(capabilities.v_max_m_s, capabilities.brake_m_s2)
     look_s = timing_of(capabilities, mission.base_tick_s).look_s(mission.rta.geofence.delta_s)
-    return speed.bound(look_s) + _unsure_m(capabilities)
+    return speed.bound(look_s) + keep_m + _unsure_m(capabilities)
 
 
 def _unsure_m(capabilities: Capabilities) -> float:

@@ -21,6 +21,8 @@ from soter.stack.recovery import RecoveryPlanner
 from soter.stack.refuge import RefugeFinder
 from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY
+from soter.stack.site_routes import Rectangle
+from soter.stack.terrain import Point
 
 
 class _TooNear(NamedTuple):
@@ -30,6 +32,29 @@ class _TooNear(NamedTuple):
     what: str
     found_m: float
     needed_m: float
+
+
+def occupied(station: Point, apart_m: float, own: Point) -> list[Rectangle]:
+    """Return rectangles that hold the disc of radius `apart_m` around another robot's station.
+
+    That is the square around the disc, unless this robot's own station is in a corner of the square: cut off there, it
+    leaves the own station free.
+    """
+    x_m, y_m = station
+    dx_m, dy_m = own[0] - x_m, own[1] - y_m
+    square = (x_m - apart_m, y_m - apart_m, x_m + apart_m, y_m + apart_m)
+    if max(abs(dx_m), abs(dy_m)) >= apart_m or math.hypot(dx_m, dy_m) < apart_m:
+        return [square]
+    low_x, low_y, high_x, high_y = square
+    if abs(dx_m) >= abs(dy_m):
+        half_m = math.sqrt(apart_m * apart_m - dx_m * dx_m)
+        if dx_m > 0.0:
+            return [(low_x, low_y, own[0], high_y), (own[0], y_m - half_m, high_x, y_m + half_m)]
+        return [(own[0], low_y, high_x, high_y), (low_x, y_m - half_m, own[0], y_m + half_m)]
+    half_m = math.sqrt(apart_m * apart_m - dy_m * dy_m)
+    if dy_m > 0.0:
+        return [(low_x, low_y, high_x, own[1]), (x_m - half_m, own[1], x_m + half_m, high_y)]
+    return [(low_x, own[1], high_x, high_y), (x_m - half_m, low_y, x_m + half_m, own[1])]
 
 
 def check_infrastructure(

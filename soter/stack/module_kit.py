@@ -53,6 +53,7 @@ class ModuleKit:
         timing: what the robot adds to every horizon.
         tick_s: the base tick, a period for nodes.
         contracts_s: how long the modules declared before this one may keep the robot from charging, in total.
+        pairs_m: distance at which the mission's own rules about pairs give robots back; 0 without any.
         motions: the motion bounds that the modules share, by model.
     """
 
@@ -74,6 +75,7 @@ class ModuleKit:
     timing: Timing
     tick_s: float
     contracts_s: float = 0.0
+    pairs_m: float = 0.0
     motions: dict[MotionModel, Motion] = field(default_factory=dict)
 
     def motion(self, model: MotionModel) -> Motion:

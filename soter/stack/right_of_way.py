@@ -193,6 +193,10 @@ class RightOfWay:
         encounter = self._encounters.get(robot_id)
         return encounter is None or encounter.order[0] == robot_id
 
+    def is_held(self, robot_id: int) -> bool:
+        """Return whether a robot is kept from its AC so that it gets away from one that has waited long."""
+        return robot_id in self._held
+
     def permits(self, module: str, situation: Situation) -> bool:
         """Return whether a module may release a robot: collision by the order, one that holds it for a peer never."""
         if self._held.get(situation.robot_id) == module:

@@ -28,9 +28,13 @@ FENCE_M, CLEAR_M, PEER_M = 0.52, 0.12, 0.5
 class Says(RightOfWay):
     """An order that the test sets."""
 
-    def __init__(self, first: bool) -> None:
+    def __init__(self, first: bool, held: bool = False) -> None:
         super().__init__()
         self.answer = first
+        self.held = held
+
+    def is_held(self, robot_id: int) -> bool:
+        return self.held
 
     def first(self, robot_id: int) -> bool:
         return self.answer

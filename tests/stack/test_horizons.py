@@ -54,8 +54,10 @@ def test_every_horizon_is_that_of_timing(promised: Any, delta_s: float, ahead_s:
         )
         speed, unsure_m = SpeedBound(promised.v_max_m_s, promised.brake_m_s2), declaration._unsure_m(promised)
         kept_m = speed.bound(look_s) + unsure_m
-        assert declaration._inset_m(asked, promised) == kept_m
-        assert declaration._home_clearance_m(asked, promised) == max(declaration.HOME_CLEARANCE_M, kept_m)
+        assert declaration._inset_m(asked, promised, 0.0) == kept_m
+        assert declaration._inset_m(asked, promised, 0.1) == pytest.approx(kept_m + 0.1)
+        assert declaration._home_clearance_m(asked, promised, 0.1) >= kept_m + 0.1 - 1e-9
+        assert declaration._home_clearance_m(asked, promised, 0.0) == max(declaration.HOME_CLEARANCE_M, kept_m)
         both_m = assembly._trigger_m(asked, promised, PeerBounds.of((promised,), TICK_S))
         assert both_m == pytest.approx(2.0 * speed.bound(look_s))
 
@@ -67,5 +69,5 @@ def test_ways_home_lead_past_where_the_geofence_takes_over_whatever_the_lease(le
     geofence = made.module("geofence")
     assert geofence.model is not None
     reach_m = geofence.model.bound(made.timing.look_s(geofence.delta_s))
-    assert declaration._inset_m(MISSION, promised) > reach_m
+    assert declaration._inset_m(MISSION, promised, 0.0) > reach_m
     assert made.refuges.fence_m > geofence.model.bound(geofence.horizon_s(made.timing))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from soter.check.admission import declare_all
 from soter.config import load_mission
@@ -14,6 +17,7 @@ from soter.errors import IllFormedModule
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.sdk import Capabilities
+from soter.stack.infrastructure import occupied
 from soter.stack.refuge import RefugeFinder
 from soter.stack.terrain import Point, Terrain
 from tests.stack.ground import RADIUS_M, dock, planner
@@ -153,3 +157,30 @@ def test_places_that_no_path_leads_to_are_no_room_to_get_past_each_other(door_m:
     path = dock(recovery, Box(0.8, 0.8, 1.2, 1.2)).path
     everywhere = refuges.room_for(50, 1.0, lambda *_: True)
     assert refuges.room_for(50, 1.0, path.leads_back) == (everywhere if both else everywhere // 2)
+
+
+@given(
+    st.floats(0.0, math.tau), st.floats(1.0, 1.5), st.floats(0.2, 3.0), st.floats(0.0, math.tau), st.floats(0.0, 1.0)
+)
+def test_the_room_of_a_robot_on_its_station_is_kept_free_and_the_own_station_is_outside(
+    bearing_rad: float, share: float, apart_m: float, angle_rad: float, inside: float
+) -> None:
+    station, far_m = (3.0, -2.0), share * apart_m * (1.0 + 1e-9)
+    own = station[0] + far_m * math.cos(bearing_rad), station[1] + far_m * math.sin(bearing_rad)
+    rectangles = occupied(station, apart_m, own)
+    r_m = inside * apart_m * (1.0 - 1e-9)
+    x, y = station[0] + r_m * math.cos(angle_rad), station[1] + r_m * math.sin(angle_rad)
+    assert any(low_x <= x <= high_x and low_y <= y <= high_y for low_x, low_y, high_x, high_y in rectangles)
+    assert not any(low_x < own[0] < high_x and low_y < own[1] < high_y for low_x, low_y, high_x, high_y in rectangles)
+
+
+def test_a_station_in_the_corner_of_the_square_around_another_one_is_reached() -> None:
+    mission = load_mission(MISSION, {"backend": "kinematic"})
+    off_m = 0.8 * planner().apart_m(PROMISED.sample_age_s)
+    robots = (place(1, OPEN), place(2, (OPEN[0] + off_m, OPEN[1] + off_m)))
+    made = declare_all(mission, Workspace(5.0, 5.0, (), robots), {1: PROMISED, 2: PROMISED})
+    assert off_m < made[1].recovery.apart_m(PROMISED.sample_age_s) < math.sqrt(2.0) * off_m
+    for declared, side in ((made[1], -1.0), (made[2], 1.0)):
+        x, y = declared.place.charger.centre
+        for beside in ((x + side * 0.3, y), (x, y + side * 0.3)):
+            assert declared.dock.path.shortest_m(*beside) < 1.0

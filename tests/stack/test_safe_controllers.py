@@ -143,3 +143,29 @@ def test_the_static_way_home_is_kept_until_it_has_been_blocked_for_long() -> Non
     assert math.dist(stuck, (2.5, 1.4)) < 0.6, "it waits before the peer"
     robot.run(60.0)
     assert robot.home_m() < 0.04, "then it goes around"
+
+
+def test_a_robot_that_is_driven_back_again_and_again_is_blocked_too() -> None:
+    made = Controllers()
+    robot = Follower(made, made.home, (4.0, 1.5), (2.5, 1.4))
+    robot.run(5.0)
+    waits = robot.place
+    for _ in range(20):
+        # Another safe controller backs away for a moment.
+        robot.place = (waits[0] + 0.3, waits[1])
+        made.home.engage(robot.look())
+        robot.run(2.0)
+        if math.dist(robot.place, waits) > 0.5:
+            break
+    else:
+        pytest.fail(f"it still waits at {robot.place}")
+    robot.run(60.0)
+    assert robot.home_m() < 0.04
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_the_first_robot_holds_unless_another_has_waited_long_for_it_to_get_away(held: bool) -> None:
+    made = Controllers()
+    robot = Follower(made, made.back_away(Says(True, held)), (3.8, 2.0), (3.8, 2.6))
+    robot.run(20.0)
+    assert (math.dist(robot.place, (3.8, 2.6)) >= RETREAT_M) is held

@@ -33,7 +33,8 @@ def declare(kit: ModuleKit, table: CollisionTable) -> RTAModule:
     own = kit.capabilities
     aged_m = own.v_max_m_s * own.sample_age_s + worst.v_max_m_s * worst.sample_age_s
     unsure_m = own.position_noise_m + worst.noise_m + aged_m + own.overshoot_m
-    retreat_m = max(RETREAT_M, table.phi_safer_m + max(BEYOND_M, unsure_m))
+    # Robots that wait for others under a rule of the mission's own need that rule's distance.
+    retreat_m = max(RETREAT_M, max(table.phi_safer_m, kit.pairs_m) + max(BEYOND_M, unsure_m))
     back_away = BackAway(
         kit.tick_s, kit.waypoint, kit.recovery, kit.refuges, kit.home, kit.dock, kit.right_of_way, retreat_m
     )
