@@ -10,6 +10,7 @@ from typing import Final
 
 from soter.config.tables import DEFAULT_TARGETS
 from soter.config.tables import Targets as TargetSet
+from soter.errors import ConfigError
 from soter.geometry.workspace import Workspace
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay
 from soter.missions.mission import Mission
@@ -22,6 +23,7 @@ OUTSIDE_M: Final = 1.0
 """How far outside the fence hostile targets lie, at most."""
 
 _APART_M: Final = 0.5
+_TRIES: Final = 1000
 
 
 def grid_places(workspace: Workspace, body_radius_m: float) -> list[Place]:
@@ -41,6 +43,9 @@ class Targets:
     Args:
         name: `grid`, `uniform` (anywhere inside the fence where a body can stand) or `hostile` (anywhere up to
             `OUTSIDE_M` outside the fence, boxes included).
+
+    Raises:
+        ConfigError: the set has no place for one of the robots.
     """
 
     def __init__(self, workspace: Workspace, body_radius_m: Mapping[int, float], name: str, seed: int) -> None:
@@ -54,6 +59,12 @@ class Targets:
             radius_m: grid_places(workspace, radius_m) if name == "grid" else []
             for radius_m in set(body_radius_m.values())
         }
+        if name == "grid" and not all(self._grids.values()):
+            radius_m = next(radius_m for radius_m, places in self._grids.items() if not places)
+            raise ConfigError(
+                f"targets: it is 'grid', and no integer point in the workspace has room for a body of {radius_m:g} m; "
+                "allowed here: 'uniform', 'hostile'"
+            )
         draws: dict[str, Callable[[random.Random, float], Place]] = {
             "grid": lambda stream, radius_m: stream.choice(self._grids[radius_m]),
             "uniform": self._uniform,
@@ -62,11 +73,13 @@ class Targets:
         self._draw: Final = draws[name]
 
     def next(self, robot_id: int) -> Place:
-        """Return the next target of a robot, never its last one."""
+        """Return the next target of a robot, not its last one unless the room has hardly another."""
         stream = self._streams.setdefault(robot_id, random.Random(f"targets/{self._seed}/{robot_id}"))
         last, radius_m = self._last.get(robot_id), self._body_radius_m[robot_id]
         place = self._draw(stream, radius_m)
-        while last is not None and math.dist(place, last) < _APART_M:
+        for _ in range(_TRIES):
+            if last is None or math.dist(place, last) >= _APART_M:
+                break
             place = self._draw(stream, radius_m)
         self._last[robot_id] = place
         return place

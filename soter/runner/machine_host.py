@@ -142,7 +142,7 @@ class MachineHost:
             )  # fmt: skip
             try:
                 self._mission_code.start(stage)
-            except KeyboardInterrupt:
+            except (KeyboardInterrupt, ConfigError):
                 raise
             except BaseException as failure:  # noqa: BLE001 - foreign code, whose line is named in place of a traceback
                 where = line_in(file_of(self._mission.mission.use), failure)

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from soter.geometry.workspace import Workspace
+from soter.errors import ConfigError
+from soter.geometry.workspace import Box, Workspace
 from soter.geometry.workspace_xml import read_workspace
 from soter.missions.surveillance import OUTSIDE_M, Targets, grid_places
 from soter.stack.events import Place
@@ -83,3 +84,15 @@ def test_a_robot_is_never_sent_to_where_it_comes_from(name: str) -> None:
 def test_an_unknown_set_is_refused() -> None:
     with pytest.raises(KeyError):
         Targets(CASE, {1: RADIUS_M}, "nowhere", 1)
+
+
+def test_a_room_with_one_place_on_the_grid_has_its_robot_sent_there_again() -> None:
+    room = Workspace(0.9, 0.9, (), CASE.robots)
+    targets = Targets(room, {1: 0.0}, "grid", 1)
+    assert [targets.next(1) for _ in range(3)] == [(0.0, 0.0)] * 3
+
+
+def test_a_room_without_a_place_on_the_grid_is_refused() -> None:
+    room = Workspace(5.0, 0.9, (Box(-1.0, -0.2, 6.0, 0.2),), CASE.robots)
+    with pytest.raises(ConfigError, match=r"targets: it is 'grid', .* 0\.105 m; allowed here: 'uniform', 'hostile'"):
+        Targets(room, {1: 0.105}, "grid", 1)
