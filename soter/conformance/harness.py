@@ -16,7 +16,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
-    "stop_clock",
+    "stop_clock", "garble",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -259,6 +259,10 @@ class Harness(ABC):
 
         It is what missions get that name no address of a robot.
         """
+        raise NotImplementedError
+
+    def garble(self, fraction: float) -> None:
+        """Deliver bytes that make no sense behind this share of all messages, both ways; 0 ends it."""
         raise NotImplementedError
 
     def stall(self, robot_id: int, seconds: float) -> None:

@@ -28,11 +28,12 @@ class ImpairedRelay:
         loss: share of the messages that is lost.
         duplicate: share that is delivered twice.
         reorder: share that is delivered after its successor.
+        garble: share that is followed by bytes that make no sense.
         cut: robots whose messages are all lost.
     """
 
     def __init__(self) -> None:
-        self.delay_s = self.loss = self.duplicate = self.reorder = 0.0
+        self.delay_s = self.loss = self.duplicate = self.reorder = self.garble = 0.0
         self.cut: frozenset[int] = frozenset()
         self._random: Final = random.Random(0)
         self._due: Final[list[tuple[float, int, Line, bytes]]] = []
@@ -55,6 +56,10 @@ class ImpairedRelay:
         if line.robot_id in self.cut or chance() < self.loss:
             return
         messages = [message] * (2 if chance() < self.duplicate else 1)
+        if chance() < self.garble:
+            # Another program's, one that was cut off, or none at all.
+            noise, cut_off = self._random.randbytes(len(message)), message[: len(message) // 2]
+            messages.append(self._random.choice((noise, cut_off, b"")))
         if chance() < self.reorder and line.held is None:
             line.held = message
             return

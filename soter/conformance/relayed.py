@@ -24,6 +24,7 @@ class Relay(Protocol):
         loss: share of the messages that is lost.
         duplicate: share that is delivered twice.
         reorder: share that is delivered after its successors.
+        garble: share that is followed by bytes that make no sense.
     """
 
     cut: frozenset[int]
@@ -31,6 +32,7 @@ class Relay(Protocol):
     loss: float
     duplicate: float
     reorder: float
+    garble: float
 
     def close(self) -> None:
         """Stop passing messages. Idempotent."""
@@ -198,6 +200,9 @@ class RelayedHarness(Harness):
 
     def reorder(self, fraction: float) -> None:
         self._link().reorder = fraction
+
+    def garble(self, fraction: float) -> None:
+        self._link().garble = fraction
 
     def observe(self, robot_id: int) -> tuple[float, float, float]:
         assert self.witness is not None

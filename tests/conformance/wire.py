@@ -47,6 +47,7 @@ class Faults:
     loss: float = 0.0
     duplicate: float = 0.0
     reorder: float = 0.0
+    garble: float = 0.0
 
 
 class Channel(Generic[M]):
@@ -54,11 +55,13 @@ class Channel(Generic[M]):
 
     Attributes:
         arrived_s: by what was handed out, when it had arrived.
+        stray: how many messages that make no sense came between the others, which is all that is known of them.
     """
 
     def __init__(self, faults: Faults, seed: int) -> None:
         self.faults = faults
         self.arrived_s: dict[int, float] = {}
+        self.stray = 0
         self._random = random.Random(seed)
         self._flying: list[tuple[float, M]] = []
 
@@ -67,6 +70,7 @@ class Channel(Generic[M]):
         faults, draw = self.faults, self._random.random
         if faults.cut or draw() < faults.loss:
             return
+        self.stray += draw() < faults.garble
         for _ in range(2 if draw() < faults.duplicate else 1):
             late_s = LATE_S if draw() < faults.reorder else 0.0
             self._flying.append((now_s + faults.delay_s + late_s, message))
@@ -422,6 +426,9 @@ class WireHarness(Harness):
 
     def reorder(self, fraction: float) -> None:
         self._all(reorder=fraction)
+
+    def garble(self, fraction: float) -> None:
+        self._all(garble=fraction)
 
     def _all(self, **faults: float) -> None:
         for vehicle in self.vehicles.values():

@@ -19,7 +19,7 @@ from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
 from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
 from soter.adapters.ros2.simulator import Domain, Ros2Simulator
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
-from soter.conformance.harness import LIMITS, Killable, Switchable
+from soter.conformance.harness import LIMITS, Harness, Killable, Switchable
 from soter.conformance.impaired import ImpairedRelay, Line
 from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import Fleet, RobotSpec, Waypoint
@@ -80,6 +80,8 @@ class Ros2Harness(RelayedHarness):
     connect_timeout_s = 20.0
     # DDS keeps half a core busy with each.
     a_core = 1
+    # Topics have types: nothing that makes no sense gets through.
+    garble = Harness.garble
 
     def __init__(self) -> None:
         super().__init__()

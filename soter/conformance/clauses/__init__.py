@@ -25,5 +25,7 @@ from soter.conformance.clauses import endurance as endurance
 from soter.conformance.clauses import pace as pace
 from soter.conformance.clauses import anything as anything
 from soter.conformance.clauses import link as link
+from soter.conformance.clauses import disorder as disorder
+from soter.conformance.clauses import outages as outages
 from soter.conformance.clauses import process as process
 from soter.conformance.clauses import resources as resources

@@ -271,3 +271,42 @@ def off_and_on(bench: Bench) -> None:
         robot.hand_over_again()
         bench.go(robot, bench.place(robot, 0.0), by, cause="switched off and on, it does not obey any more")
         bench.settle()
+
+
+@clause("deadman.late", tier=Tier.WIRE, hooks=("delay",))
+def late(bench: Bench) -> None:
+    """A renewal that waited in some buffer for longer than the lease renews nothing: the lease counts from its call."""
+    robot = bench.open_one()
+    # A clock of whole seconds, or of tenths, shows only where renewals are a little late.
+    for leases in (2.0, 1.0):
+        _stands_though_renewed(bench, robot, leases)
+    if bench.harness.gives("restart"):
+        bench.harness.restart(robot.id)
+        bench.run(_LEARNS_S)
+        for to in (Controller.SC, Controller.AC):
+            robot.switch_ac_sc(to, "conformance")
+            bench.run(bench.caps.latency_s + 2 * TICK_S)
+        _stands_though_renewed(bench, robot, 2.0, "since the vehicle has restarted ")
+
+
+def _stands_though_renewed(bench: Bench, robot: Robot, leases: float, when: str = "") -> None:
+    """Fail the clause unless a robot stands whose renewals arrive later than they are good for."""
+    caps = bench.caps
+    bench.faulty = True
+    bench.get_going(robot, bench.place(robot, 0.9))
+    late_s = leases * caps.lease_s + caps.latency_s + caps.jitter_s + 2 * TICK_S
+    bench.harness.delay(late_s)
+    # By then renewals sent in time have expired, and late ones have long been arriving.
+    bench.run(2.0 * late_s + bench.orphaned_s())
+    rest = bench.look(robot)
+    bench.run(1.0)
+    slipped = bench.look(robot).distance_m(rest.x_m, rest.y_m)
+    bench.require(
+        slipped <= bench.still_m,
+        f"{when}every renewal arrives {late_s:.2f} s late, and the robot still drives, {slipped:.3f} m within a "
+        "second: its lease counts from when a renewal arrives, or by a clock of too few digits or one that is no more; "
+        "send with it when it was made, by the vehicle's clock",
+    )
+    bench.harness.delay(0.0)
+    bench.run(late_s + bench.orphaned_s())
+    bench.go(robot, bench.place(robot, 0.0), cause="after renewals that were late it does not obey any more")

@@ -251,26 +251,6 @@ def _see_lease_end(bench: Bench, robot: Robot, old: Controller, to: Controller, 
         )  # fmt: skip
 
 
-@clause("deadman.late", tier=Tier.WIRE, hooks=("delay",))
-def late(bench: Bench) -> None:
-    """A renewal that waited in some buffer for longer than the lease renews nothing: the lease counts from its call."""
-    robot, caps = bench.open_one(), bench.caps
-    bench.faulty = True
-    bench.get_going(robot, bench.place(robot, 0.9))
-    late_s = 2.0 * caps.lease_s + caps.latency_s + caps.jitter_s + 2 * TICK_S
-    bench.harness.delay(late_s)
-    # By then renewals sent in time have expired, and late ones have long been arriving.
-    bench.run(2.0 * late_s + bench.orphaned_s())
-    rest = bench.look(robot)
-    bench.run(1.0)
-    slipped = bench.look(robot).distance_m(rest.x_m, rest.y_m)
-    bench.require(
-        slipped <= bench.still_m,
-        f"every renewal arrives {late_s:.2f} s late, and the robot still drives, {slipped:.3f} m within a second: its "
-        "lease counts from when a renewal arrives; send with it when it was made, by the vehicle's clock",
-    )
-
-
 @clause("deadman.stalled", tier=Tier.WIRE)
 def stalled(bench: Bench) -> None:
     """When its lease ends a robot stops also while what hears and talks for it stands still."""

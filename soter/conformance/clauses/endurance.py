@@ -33,6 +33,9 @@ _AWAY_M: Final = 0.3
 _REST_M: Final = 2e-4
 _REST_RAD: Final = 1e-3
 _OFF_RAD: Final = 0.05
+_MISSION_S: Final = 600.0
+_STEADY: Final = 0.3
+_LOOKS_S: Final = 1.0
 _SWITCHES: Final = 10
 _STOPS: Final = 4
 
@@ -58,6 +61,7 @@ _MANY: Final = 200
 def minute(bench: Bench) -> None:
     """In more than a minute of driving no goal is taken late, brakes and places stay true, and no more is held."""
     robot = bench.open_one()
+    began_s, off_rad = bench.now_s, _heading_off(bench, robot)
     commands, ages_s = _Commands(bench, robot), []
     held = [_held()]
     rounds = _ROUNDS_IN_PROCESS if bench.caps.in_process else _ROUNDS
@@ -103,6 +107,14 @@ def minute(bench: Bench) -> None:
             _OFF_RAD if noise_rad is None else noise_rad, _REST_RAD,
             "at rest after much turning its heading is off: it adds up turn rates, and their error with them",
         )  # fmt: skip
+        if bench.harness.starts_robots and noise_rad is not None:
+            grown_rad = abs(turn(off_rad, _heading_off(bench, robot)))
+            bench.measure(
+                "heading_growth_rad", grown_rad, noise_rad * (bench.now_s - began_s) / _MISSION_S,
+                max(_REST_RAD, _STEADY * noise_rad),
+                f"its heading gets off by so much in {bench.now_s - began_s:.0f} s, and goes on so: a gyro's bias that "
+                "is added up, of which heading_noise_rad allows no more in ten minutes",
+            )  # fmt: skip
     for name in held[0]:
         bound, cause = _GROWS[name]
         bench.measure(
@@ -163,6 +175,20 @@ def _turn_much(bench: Bench, robot: Robot) -> None:
         "after much turning it turns more slowly than yaw_rate_max_rad_s: something adds up, or its motors are hot",
         at_least=True,
     )  # fmt: skip
+
+
+def _heading_off(bench: Bench, robot: Robot) -> float:
+    """Return by how much the heading of a robot at rest is off the truth on the average of a second, signed."""
+    if bench.fleet.truth is None and not bench.harness.gives("observe"):
+        return 0.0
+    off_rad: list[float] = []
+
+    def look() -> bool:
+        off_rad.append(turn(bench.true_pose(robot.id)[2], bench.tracks[robot.id][-1].state.heading_rad))
+        return False
+
+    bench.run(_LOOKS_S, look)
+    return sum(off_rad) / len(off_rad)
 
 
 class _Commands:

@@ -1,0 +1,86 @@
+"""Outages: what a robot is told while messages are lost holds, at once and once the link is back."""
+
+from __future__ import annotations
+
+import math
+
+from soter.conformance.bench import Bench
+from soter.conformance.clause import Tier, clause
+from soter.conformance.driver import TICK_S
+from soter.sdk import Controller, Goal, Link, Robot
+
+_STOPS = 8
+_LOSS = 0.5
+_MADE_GOOD_S = 0.5
+_LOOKS_S = 0.7
+_OFF_S = ((1.2, True), (2.4, False), (2.4, True))
+_RETURNS_S = 5.0
+_ACTS_S = 2.0
+
+
+@clause("link.lost_stop", tier=Tier.WIRE, hooks=("loss",))
+def lost_stop(bench: Bench) -> None:
+    """A stop that is lost is made good: where half of all messages are lost a cancel still stops the robot."""
+    robot = bench.open_one()
+    bench.faulty = True
+    for number in range(_STOPS):
+        goal = bench.get_going(robot, bench.place(robot, -0.9 if number % 2 else 0.9))
+        bench.harness.loss(_LOSS)
+        goal.cancel()
+        bench.run(bench.orphaned_s() + _MADE_GOOD_S)
+        before = bench.true_place(robot)
+        bench.run(_LOOKS_S)
+        moved_m = math.dist(before, bench.true_place(robot))
+        bench.harness.loss(0.0)
+        bench.require(
+            moved_m <= bench.still_m + 2.0 * bench.noise_m,
+            f"after a cancel where half of all messages were lost it drives on, {moved_m:.3f} m in {_LOOKS_S:g} s, and "
+            "its lease is renewed: a stop is said once; say with each renewal what is in force",
+        )
+        bench.run(bench.caps.latency_s + 2 * TICK_S)
+
+
+@clause("link.outage", tier=Tier.WIRE, hooks=("cut",))
+def outage(bench: Bench) -> None:
+    """What a robot is told during an outage of a second or two holds once the link is back, and at once."""
+    robot = bench.open_one()
+    for off_s, stops in _OFF_S:
+        bench.go(robot, bench.place(robot, -0.5))
+        old = bench.get_going(robot, bench.place(robot, 0.9))
+        bench.faulty = True
+        bench.harness.cut(robot.id)
+        bench.run(0.5 * off_s)
+        new: Goal | None = None
+        if stops:
+            old.cancel()
+        else:
+            new = robot.goto(bench.place(robot, -0.5), Controller.AC)
+        bench.run(0.5 * off_s)
+        bench.harness.restore(robot.id)
+        bench.run(_RETURNS_S, lambda: robot.read_state().link is Link.UP)
+        what = f"{'cancelled' if stops else 'replaced'} in an outage of {off_s:g} s"
+        _heeds(bench, robot, old, new, what)
+
+
+def _heeds(bench: Bench, robot: Robot, old: Goal, new: Goal | None, what: str) -> None:
+    """Fail the clause if a robot goes on to a goal that was cancelled or replaced while nothing got through."""
+    here = bench.look(robot)
+    bench.run(_ACTS_S)
+    now = bench.look(robot)
+    x_m, y_m = old.target.x_m, old.target.y_m
+    nearer_m = here.distance_m(x_m, y_m) - now.distance_m(x_m, y_m)
+    cause = (
+        "what is told then is dropped as old or out of order, is not said again, or what the vehicle has is resumed "
+        "before it is heard"
+    )
+    bench.require(
+        nearer_m <= bench.caps.v_max_m_s * bench.caps.latency_s + bench.still_m,
+        f"the goal was {what}, and once the link is back it goes on to it, by {nearer_m:.2f} m in {_ACTS_S:g} s: "
+        f"{cause}",
+    )
+    named = now.state.goal_id
+    bench.require(
+        named in (None, new and new.id), f"the goal was {what}, and samples say that it works on goal {named}: {cause}"
+    )
+    if new is not None:
+        bench.arrive(new, f"the goal before was {what}, and the new one is not driven to: {cause}")

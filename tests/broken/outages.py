@@ -1,0 +1,86 @@
+"""Adapters that heed the host's clock, say less when busy, or lose what is said in an outage; one line each."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Final
+
+from soter.sdk import RobotState
+from tests.broken.edits import driven, edited, sampled, wired
+from tests.broken.in_process import Broken
+from tests.broken.on_wire import BrokenWire
+from tests.broken.parts import counted, memory
+from tests.conformance.wire import Intent, Vehicle
+
+_WATCHED_S: Final = 0.5
+_FAST_RAD_S: Final = 1.5
+_FEWER: Final = 5
+_WINDOW: Final = 20
+_STRAY: Final = 3
+
+
+def _watches_the_host(robot: Any) -> None:
+    """Drop the goal if the host was silent for half a second of its own time."""
+    renewed, now_s = memory(robot, "renewed", lambda: [time.monotonic()]), time.monotonic()
+    if now_s - renewed[0] > _WATCHED_S:
+        robot._mux.halt()
+    renewed[0] = now_s
+    Broken._renew_lease(robot)
+
+
+def _seldom_in_turns(robot: Any, state: RobotState) -> RobotState:
+    last = memory(robot, "last", lambda: [state])
+    if abs(state.yaw_rate_rad_s) <= _FAST_RAD_S or counted(robot) % _FEWER == 0:
+        last[0] = state
+    return last[0]  # type: ignore[no-any-return]
+
+
+def _in_turn(self: Any, now_s: float, *state: float) -> tuple[float, float]:
+    """Say something in every second period where there are two robots, in every third where there are three."""
+    kept, vehicles = self.up, len(self.world.bodies.radius)
+    self.up = kept if self.periods // 2 % vehicles == self.index else []
+    try:
+        return Vehicle.control(self, now_s, *state)
+    finally:
+        self.up = kept
+
+
+def _stops_if_told_itself(self: Any, intent: Intent, clock_s: float) -> None:
+    """Heed a stop in the message that was sent for it, and in no renewal after it."""
+    kept = self.mux.command
+    Vehicle.take(self, intent, clock_s)
+    if intent.renews and intent.goal is None and kept is not None and kept.by is self.mux.in_charge:
+        self.mux.give(kept.by, kept, clock_s)
+
+
+def _follows_in_a_window(self: Any, intent: Intent, clock_s: float) -> bool:
+    """Take what is more than twenty messages ahead for something overtaken, and renew the lease by it."""
+    if intent.session == self.session and intent.number > self.heard + _WINDOW:
+        self.renew(intent, clock_s)
+        return False
+    return Vehicle.follows(self, intent, clock_s)
+
+
+def _gives_up(robot: Any) -> list[RobotState]:
+    """Hear nothing any more once three messages have made no sense."""
+    received = BrokenWire.received(robot)
+    return [] if robot.up.stray > _STRAY else received
+
+
+OUTAGES: Final[tuple[type[Broken], ...]] = (
+    edited("WatchesTheHost", "Drops its goal after 0.5 s of the host's time without a renewal, in virtual time.",
+           "capabilities.deterministic", "stopped short|host time", _renew_lease=_watches_the_host),
+    sampled("SeldomInTurns", "Hands out every fifth sample only while it turns faster than 1.5 rad/s.",
+            "several.age", "robots turn the samples", _seldom_in_turns),
+)  # fmt: skip
+
+OUTAGES_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    driven("ReportsInTurn", "Reports in turn with the other robots, so that each is heard the more seldom.",
+           "several.age", "robots take turns", control=_in_turn),
+    driven("StopsOnceTold", "Heeds a stop in the one message that was sent for it, and none that repeats it.",
+           "link.lost_stop", "said once", take=_stops_if_told_itself),
+    driven("NarrowWindow", "Takes a message whose number is more than 20 ahead for one that was overtaken.",
+           "link.outage", "goes on to it", follows=_follows_in_a_window),
+    wired("GivesUpOnNonsense", "Hears nothing any more once three messages have made no sense.",
+          "link.nonsense", "make no sense", received=_gives_up),
+)  # fmt: skip
