@@ -100,20 +100,25 @@ class RefugeFinder:
         return self._way_there(situation, peer_m)
 
     def _way_there(self, situation: Situation, peer_m: float) -> list[Point]:
-        for leads_out in (True, False) if self.leave is not None else (False,):
-            self._leads_out = leads_out
-            if legs := self._way_aside(situation, peer_m):
-                return legs
+        # Any place that a robot gets to past its peers as they stand comes before one that they would have to free.
+        for past_peers in (True, False) if self.aside and situation.peers else (False,):
+            for leads_out in (True, False) if self.leave is not None else (False,):
+                self._leads_out = leads_out
+                if legs := self._way_aside(situation, peer_m, past_peers=past_peers):
+                    return legs
         return []
 
-    def _way_aside(self, situation: Situation, peer_m: float) -> list[Point]:
+    def _way_aside(self, situation: Situation, peer_m: float, *, past_peers: bool) -> list[Point]:
         if not self.aside:
-            return self._way(situation, peer_m)
+            return self._way(situation, peer_m, past_peers=False)
         # Paths lead around squares about the peers, beyond whose corners they are certified all along.
         apart_m = self.peer_m(situation, peer_m)
-        return self._way(situation, min(peer_m, math.sqrt(2.0) * apart_m)) or self._way(situation, apart_m)
+        away_m = min(peer_m, math.sqrt(2.0) * apart_m)
+        return self._way(situation, away_m, past_peers=past_peers) or self._way(
+            situation, apart_m, past_peers=past_peers
+        )
 
-    def _way(self, situation: Situation, peer_m: float) -> list[Point]:
+    def _way(self, situation: Situation, peer_m: float, *, past_peers: bool) -> list[Point]:
         ahead = self._along_heading(situation, peer_m)
         direct = self._straight_inside(situation, peer_m)
         if ahead is not None and (direct is None or _far(situation, ahead) < _far(situation, direct) + PIVOT_M):
@@ -121,12 +126,13 @@ class RefugeFinder:
         if direct is not None:
             return [direct]
         for look_m in LOOK_M:
-            candidates = self._candidates(situation, look_m, peer_m)
-            for x_m, y_m in candidates:
-                if self._free(situation, x_m, y_m):
-                    return [(x_m, y_m)]
-            if legs := self._around(situation, candidates):
-                return legs
+            for spread in (False, True) if past_peers else (False,):
+                candidates = self._candidates(situation, look_m, peer_m, spread=spread)
+                for x_m, y_m in candidates:
+                    if self._free(situation, x_m, y_m):
+                        return [(x_m, y_m)]
+                if legs := self._around(situation, candidates, past_peers=past_peers):
+                    return legs
         return []
 
     def room_for(self, robots: int, apart_m: float, leads_back: Callable[[float, float], bool]) -> int:
@@ -181,17 +187,16 @@ class RefugeFinder:
             rule.allows_stay(own.robot_id, x_m, y_m) and rule.allows_way(own, x_m, y_m) for rule in self._kept
         )
 
-    def _around(self, situation: Situation, candidates: list[Point]) -> list[Point]:
-        """Return a path to one of several places around boxes; around peers, too, if others need room."""
-        own, recovery = situation.own, self._recovery
-        apart_m = recovery.apart_m(situation.age_s)
-        peers = [(p.x_m - apart_m, p.y_m - apart_m, p.x_m + apart_m, p.y_m + apart_m) for p in situation.peers]
-        for extra in (peers, ()) if peers and self.aside else ((),):
-            for place in candidates[:: TRIED // FEW] if self.aside else candidates[:1]:
-                around = (*extra, *self.around) if self._kept else extra
-                routes = Routes(self._terrain, place, self._path_m, min(self._path_m, self.fence_m), around)
-                if legs := routes.legs(own.x_m, own.y_m):
-                    return legs
+    def _around(self, situation: Situation, candidates: list[Point], *, past_peers: bool) -> list[Point]:
+        """Return a path to one of several places around boxes, and around peers if that is asked for."""
+        own, apart_m = situation.own, self._recovery.apart_m(situation.age_s)
+        peers = situation.peers if past_peers else ()
+        rooms = [(p.x_m - apart_m, p.y_m - apart_m, p.x_m + apart_m, p.y_m + apart_m) for p in peers]
+        for place in candidates[:: TRIED // FEW] if self.aside else candidates[:1]:
+            around = (*rooms, *self.around) if self._kept else rooms
+            routes = Routes(self._terrain, place, self._path_m, min(self._path_m, self.fence_m), around)
+            if legs := routes.legs(own.x_m, own.y_m):
+                return legs
         return []
 
     def _along_heading(self, situation: Situation, peer_m: float) -> Point | None:
@@ -222,7 +227,8 @@ class RefugeFinder:
         fits = terrain.clearance_m(*place) >= clearance_m and self._clear(situation, place, peer_m)
         return place if fits and self._may_leave(place) and self._free(situation, *place) else None
 
-    def _candidates(self, situation: Situation, look_m: float, peer_m: float) -> list[Point]:
+    def _candidates(self, situation: Situation, look_m: float, peer_m: float, *, spread: bool) -> list[Point]:
+        """Return the nearest cells that may be refuges, or, if `spread`, some of all, the nearest first."""
         own, terrain = situation.own, self._terrain
         window = terrain.window(own.x_m, own.y_m, look_m)
         xs, ys = terrain.cell_x[window], terrain.cell_y[window]
@@ -238,6 +244,8 @@ class RefugeFinder:
         if self._kept:
             # Foreign code may be slow.
             nearest = nearest[:: max(1, nearest.size // _ASKED)]
+        if spread:
+            nearest = nearest[:: max(1, nearest.size // TRIED)]
         places = ((float(x), float(y)) for x, y in zip(xs.ravel()[nearest], ys.ravel()[nearest], strict=True))
         return list(islice((place for place in places if self._may_stay(situation, place)), TRIED))
 
