@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from dataclasses import replace
 from typing import Any, Final
 
 from soter.sdk import RobotState
@@ -17,6 +19,7 @@ _FAST_RAD_S: Final = 1.5
 _FEWER: Final = 5
 _WINDOW: Final = 20
 _STRAY: Final = 3
+_DRIFT_RAD_S: Final = math.radians(0.5) / 60.0
 
 
 def _watches_the_host(robot: Any) -> None:
@@ -67,11 +70,19 @@ def _gives_up(robot: Any) -> list[RobotState]:
     return [] if robot.up.stray > _STRAY else received
 
 
+def _drifts(robot: Any, state: RobotState) -> RobotState:
+    """Add up the bias of a gyro, half a degree a minute."""
+    return state._replace(heading_rad=math.remainder(state.heading_rad + _DRIFT_RAD_S * state.stamp_s, math.tau))
+
+
 OUTAGES: Final[tuple[type[Broken], ...]] = (
     edited("WatchesTheHost", "Drops its goal after 0.5 s of the host's time without a renewal, in virtual time.",
            "capabilities.deterministic", "stopped short|host time", _renew_lease=_watches_the_host),
     sampled("SeldomInTurns", "Hands out every fifth sample only while it turns faster than 1.5 rad/s.",
             "several.age", "robots turn the samples", _seldom_in_turns),
+    edited("HeadingDrifts", "Says a heading that drifts by half a degree a minute, of 1.7 degrees promised.",
+           "endurance.minute", "gyro's bias", _sample=lambda self: _drifts(self, self._honest()),
+           declared=replace(Broken.declared, heading_noise_rad=0.03)),
 )  # fmt: skip
 
 OUTAGES_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (

@@ -22,7 +22,6 @@ _OFF_S = (1.0, 13.0, 19.0)
 _WAITS_S = 0.25
 _RETURNS_S = 10.0
 _LATER_S = 5.0
-_LOST_SWITCHES = 8
 _SWITCHES = 8
 _SWITCH_S = 0.6
 _MOST = 0.7
@@ -299,23 +298,6 @@ def reconnects_each(bench: Bench) -> None:
             "are confused",
         )
         bench.settle()
-
-
-@clause("link.switch_is_not_lost", tier=Tier.WIRE, hooks=("loss",))
-def switch_is_not_lost(bench: Bench) -> None:
-    """A switch made while messages are lost takes effect within the lease."""
-    robot = bench.open_one()
-    for number in range(_LOST_SWITCHES):
-        robot.switch_ac_sc(Controller.AC, "conformance")
-        bench.get_going(robot, bench.place(robot, -0.9 if number % 2 else 0.9))
-        bench.faulty = True
-        bench.harness.loss(0.5)
-        robot.switch_ac_sc(Controller.SC, "conformance")
-        bench.expect_stop(
-            robot, "a switch that got lost is not repeated: say with each renewal who is in charge",
-            extra_s=bench.caps.lease_s + 6 * TICK_S,
-        )  # fmt: skip
-        bench.harness.loss(0.0)
 
 
 @clause("link.loss", tier=Tier.WIRE, hooks=("loss",))

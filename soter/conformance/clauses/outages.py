@@ -9,7 +9,7 @@ from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.sdk import Controller, Goal, Link, Robot
 
-_STOPS = 8
+_TRIES = 8
 _LOSS = 0.5
 _MADE_GOOD_S = 0.5
 _LOOKS_S = 0.7
@@ -18,12 +18,29 @@ _RETURNS_S = 5.0
 _ACTS_S = 2.0
 
 
+@clause("link.switch_is_not_lost", tier=Tier.WIRE, hooks=("loss",))
+def switch_is_not_lost(bench: Bench) -> None:
+    """A switch made while messages are lost takes effect within the lease."""
+    robot = bench.open_one()
+    for number in range(_TRIES):
+        robot.switch_ac_sc(Controller.AC, "conformance")
+        bench.get_going(robot, bench.place(robot, -0.9 if number % 2 else 0.9))
+        bench.faulty = True
+        bench.harness.loss(_LOSS)
+        robot.switch_ac_sc(Controller.SC, "conformance")
+        bench.expect_stop(
+            robot, "a switch that got lost is not repeated: say with each renewal who is in charge",
+            extra_s=bench.caps.lease_s + 6 * TICK_S,
+        )  # fmt: skip
+        bench.harness.loss(0.0)
+
+
 @clause("link.lost_stop", tier=Tier.WIRE, hooks=("loss",))
 def lost_stop(bench: Bench) -> None:
     """A stop that is lost is made good: where half of all messages are lost a cancel still stops the robot."""
     robot = bench.open_one()
     bench.faulty = True
-    for number in range(_STOPS):
+    for number in range(_TRIES):
         goal = bench.get_going(robot, bench.place(robot, -0.9 if number % 2 else 0.9))
         bench.harness.loss(_LOSS)
         goal.cancel()
