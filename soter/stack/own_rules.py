@@ -70,8 +70,10 @@ class OwnRule(NamedTuple):
             f"and has to be {self.noise:.3f} {unit}"
         )
 
-    def allows(self, situation: Situation, bx_m: float, by_m: float, off_m: float, peer_m: float) -> bool:
-        """Return whether the rule holds, or gets no worse, along the leg to b and wherever the robot may stray from it.
+    def allows(
+        self, situation: Situation, bx_m: float, by_m: float, off_m: float, off_rad: float, peer_m: float
+    ) -> bool:
+        """Return whether the rule holds along the leg to b, wherever the robot may stray, or the leg makes it no worse.
 
         The margin is evaluated as if the robot were there already, at its present speed. A rule that raises allows no
         leg; its decision module raises as well, and reports why.
@@ -81,20 +83,28 @@ class OwnRule(NamedTuple):
             bx_m: the leg's end, east.
             by_m: the leg's end, north.
             off_m: how far the robot may stray.
+            off_rad: at what angle to the leg it may really drive.
             peer_m: how far a peer may come nearer before this robot sees it.
         """
+        strays, directions = _places(situation.own, bx_m, by_m, off_m), _directions(situation.own, bx_m, by_m, off_rad)
+        # Each of a pair has half of that pair's own margin, whichever peer is the nearest.
+        pairs = [_alone(situation, peer) for peer in situation.peers] if self.of_pairs else []
         try:
-            least = self._least(situation, peer_m)
-            places = _places(situation.own, bx_m, by_m, off_m)
-            # Written so that NaN allows nothing.
-            return all(self.region.margin(_moved(situation, *place)) >= least for place in places)
+            return all(self._keeps(each, strays, directions, peer_m) for each in (situation, *pairs))
         except KeyboardInterrupt:
             raise
         except BaseException:  # noqa: BLE001 - foreign code must not take the shipped safe controllers along
             return False
 
-    def _least(self, situation: Situation, peer_m: float) -> float:
-        margin = self.region.margin(situation.copy())
+    def _keeps(self, situation: Situation, strays: list[Point], directions: list[Point], peer_m: float) -> bool:
+        now = self.region.margin(situation.copy())
+        least = self._least(now, peer_m)
+        # Written so that NaN allows nothing.
+        return all(self.region.margin(_moved(situation, *place)) >= least for place in strays) or all(
+            self.region.margin(_moved(situation, *place)) >= now for place in directions
+        )
+
+    def _least(self, margin: float, peer_m: float) -> float:
         if self.of_pairs and margin > 0.0:
             # Half of the margin is the peer's, which may be on its way.
             return min(margin, margin / 2.0 + peer_m)
@@ -209,6 +219,24 @@ def _places(own: Sample, bx_m: float, by_m: float, off_m: float) -> list[tuple[f
         for part in _SHARES
         for ahead_m, left_m in ((0.0, 0.0), (0.0, off_m), (0.0, -off_m), (off_m, 0.0))
     ]
+
+
+def _directions(own: Sample, bx_m: float, by_m: float, off_rad: float) -> list[Point]:
+    """Return where the robot is half-way and at the end of a leg if it drives at any angle that it may have to it."""
+    dx, dy = bx_m - own.x_m, by_m - own.y_m
+    turns = [(math.cos(angle), math.sin(angle)) for angle in (-off_rad, 0.0, off_rad)]
+    return [
+        (own.x_m + part * (cos * dx - sin * dy), own.y_m + part * (sin * dx + cos * dy))
+        for part in _SHARES
+        for cos, sin in turns
+    ]
+
+
+def _alone(situation: Situation, peer: Sample) -> Situation:
+    """Return the situation as if there were no other peer."""
+    there = situation.copy()
+    there.peers = [peer]
+    return there
 
 
 def _moved(situation: Situation, x_m: float, y_m: float) -> Situation:

@@ -172,7 +172,8 @@ class RecoveryPlanner:
                 worst = spare
         if worst >= 0.0 and self.own_rules:
             peer_m = self._peer_v_max * (self._blind_s + situation.age_s)
-            if not all(rule.allows(situation, bx_m, by_m, self.certified_m, peer_m) for rule in self.own_rules):
+            off_m = self.certified_m
+            if not all(rule.allows(situation, bx_m, by_m, off_m, _ALIGNED_RAD, peer_m) for rule in self.own_rules):
                 return -1.0
         return worst
 

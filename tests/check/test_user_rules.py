@@ -95,5 +95,5 @@ def test_what_a_rule_does_to_what_it_is_given_nobody_else_sees() -> None:
     decision = DecisionModule(module(phi_safe=Meddles(), phi_safer=Meddles()), Timing(), TICK_S, foreign=True)
     decision.decide(situation)
     decision.observe(situation)
-    assert OwnRule(Meddles(), of_pairs=True).allows(situation, 3.1, 0.0, 0.02, 0.0)
+    assert OwnRule(Meddles(), of_pairs=True).allows(situation, 3.1, 0.0, 0.02, 0.35, 0.0)
     assert (situation.own, situation.peers, situation.now_s) == (own, [peer], 7.0)
