@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
 from typing import Final
 
 from soter.config import MissionFile
@@ -15,7 +17,7 @@ from soter.rta.module import plain
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Dock, GoHome
-from soter.stack.infrastructure import check_infrastructure, check_start, occupied
+from soter.stack.infrastructure import check_infrastructure, check_start, occupied, shut_in_by
 from soter.stack.module_kit import ModuleKit
 from soter.stack.modules import declare_module, geofence, obstacle
 from soter.stack.own_rules import OwnRule, apart_m, forbidden
@@ -136,20 +138,16 @@ def declare(
     place = next(place for place in workspace.robots if place.id == robot_id)
     # Every station can be reached while all others are occupied.
     beside_m = recovery.apart_m(worst.sample_age_s) if rules.pairs else 0.0
-    stations = [
-        edges
-        for each in workspace.robots
-        if beside_m and each.id != robot_id
-        for edges in occupied(each.charger.centre, beside_m, place.charger.centre)
-    ]
+    others = tuple(each for each in workspace.robots if each.id != robot_id)
+    stations = [occupied(each.charger.centre, beside_m, place.charger.centre) for each in others] if beside_m else []
 
     timing = timing_of(capabilities, tick_s)
 
-    def path_around(more: Sequence[Rectangle]) -> ReturnPath:
+    def path_around(more: Sequence[Rectangle], stations: Sequence[Sequence[Rectangle]] = stations) -> ReturnPath:
         kept_m = obstacle.keep_m(rta.obstacle, recovery, timing), geofence.keep_m(rta.geofence, recovery, timing)
         home_m = _home_clearance_m(mission, capabilities, kept_m[0]) - beyond_m
         inset_m = _inset_m(mission, capabilities, kept_m[1])
-        return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, [*stations, *more])
+        return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, [*chain(*stations), *more])
 
     cost_per_m = 1.0 / (mission.battery.drive_s * capabilities.v_max_m_s)
     dock = Dock(place.charger, path_around(()), cost_per_m)
@@ -168,20 +166,21 @@ def declare(
         _check_peer_model(module, worst)
     enforced = [own[name] for name in rta.order if name in own]
     recovery.own_rules = [_own_rule(module, timing) for module in enforced if module.phi_safe is not None]
-    if around := [
+    around = [
         each
         for rule in recovery.own_rules
         if not rule.of_pairs
         for each in forbidden(rule.region, place, room, recovery.path_m)
-    ]:
+    ]
+    if around:
         dock.path = path_around(around)
         kit.refuges.around = around
     # Each of the user's modules may keep a robot from going home for its `lets_go_s`.
     safer = [module.phi_safer for module in enforced if module.of_pairs]
     pairs_m = max((apart_m(rule, place) for rule in safer if isinstance(rule, Region)), default=0.0)
-    kit = replace(kit, contracts_s=sum(module.lets_go_s for module in enforced), pairs_m=pairs_m)
+    shut_in = shut_in_by(dock.path, partial(path_around, around, ()), stations) if BATTERY in rta.order else 0
+    kit = replace(kit, contracts_s=sum(module.lets_go_s for module in enforced), pairs_m=pairs_m, shut_in_by=shut_in)
     modules = tuple(own[name] if name in own else made(name) for name in rta.order)
-    others = tuple(each for each in workspace.robots if each.id != robot_id)
     return Declared(modules, recovery, kit.refuges, dock, place, others, peers, timing, tuple(own.values()), pairs_m)
 
 

@@ -9,8 +9,11 @@ it can go back to its station, and from there to where every static rule lets go
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from soter.errors import IllFormedModule, ceil_m, floor_m
 from soter.geometry.workspace import RobotPlace
@@ -23,6 +26,11 @@ from soter.stack.return_path import ReturnPath
 from soter.stack.right_of_way import BATTERY
 from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point
+
+_LOOK_M: Final = 0.05
+"""Distance between the places beside an occupied station from which paths are looked for."""
+
+_BESIDE_M: Final = 1e-6
 
 
 class _TooNear(NamedTuple):
@@ -55,6 +63,39 @@ def occupied(station: Point, apart_m: float, own: Point) -> list[Rectangle]:
     if dy_m > 0.0:
         return [(low_x, low_y, high_x, own[1]), (x_m - half_m, own[1], x_m + half_m, high_y)]
     return [(low_x, own[1], high_x, high_y), (x_m - half_m, low_y, x_m + half_m, own[1])]
+
+
+def shut_in_by(path: ReturnPath, unoccupied: Callable[[], ReturnPath], stations: Sequence[Sequence[Rectangle]]) -> int:
+    """Return how many of the other robots' stations, while they are occupied, shut a robot off from its own.
+
+    Such as one in a corridor that leads nowhere else. Whatever a station shuts in begins beside its rectangles, so
+    paths are looked for from there.
+
+    Args:
+        path: the robot's return path while all other stations are occupied.
+        unoccupied: makes the one while none is.
+        stations: the rectangles of each other station.
+    """
+    edges, shut_in = [*chain(*stations)], [False] * len(stations)
+    for index, station in enumerate(stations):
+        kept = [
+            (x, y)
+            for x, y in _beside(station)
+            if path.fits(x, y) and not any(each[0] < x < each[2] and each[1] < y < each[3] for each in edges)
+        ]
+        if lost := [place for place in kept if path.shortest_m(*place) == math.inf]:
+            free = unoccupied()
+            shut_in[index] = any(free.shortest_m(*place) < math.inf for place in lost)
+    return sum(shut_in)
+
+
+def _beside(station: Sequence[Rectangle]) -> Iterator[Point]:
+    """Yield places all around rectangles, corners included."""
+    for low_x, low_y, high_x, high_y in station:
+        along_x = np.linspace(low_x, high_x, 1 + math.ceil((high_x - low_x) / _LOOK_M)).tolist()
+        along_y = np.linspace(low_y, high_y, 1 + math.ceil((high_y - low_y) / _LOOK_M)).tolist()
+        yield from ((x, y) for x in along_x for y in (low_y - _BESIDE_M, high_y + _BESIDE_M))
+        yield from ((x, y) for y in along_y for x in (low_x - _BESIDE_M, high_x + _BESIDE_M))
 
 
 def check_infrastructure(

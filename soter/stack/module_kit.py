@@ -53,6 +53,7 @@ class ModuleKit:
         timing: what the robot adds to every horizon.
         tick_s: the base tick, a period for nodes.
         contracts_s: how long the modules declared before this one may keep the robot from charging, in total.
+        shut_in_by: how many other robots' stations, while occupied, shut this robot off from its own somewhere.
         pairs_m: distance at which the mission's own rules about pairs give robots back; 0 without any.
         motions: the motion bounds that the modules share, by model.
     """
@@ -75,6 +76,7 @@ class ModuleKit:
     timing: Timing
     tick_s: float
     contracts_s: float = 0.0
+    shut_in_by: int = 0
     pairs_m: float = 0.0
     motions: dict[MotionModel, Motion] = field(default_factory=dict)
 

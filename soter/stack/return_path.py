@@ -119,8 +119,11 @@ class ReturnPath:
     def leads_back(self, x_m: float, y_m: float) -> bool:
         """Return whether the roadmaps show a path from a point that keeps its distances all along."""
         x, y = self.entry(x_m, y_m)
-        spare_m = min(self._terrain.clearance_m(x, y) - self._boxes_m, self._terrain.fence_m(x, y) - self._fence_m)
-        return spare_m >= -_ROUNDING_M and self.shortest_m(x, y) < math.inf
+        return self.fits(x, y) and self.shortest_m(x, y) < math.inf
+
+    def fits(self, x_m: float, y_m: float) -> bool:
+        """Return whether a place is as far from fence and boxes as narrow paths are."""
+        return self._spare_m(x_m, y_m) >= -_ROUNDING_M
 
     def track(self, x_m: float, y_m: float) -> None:
         """Keep the path up to date with where the robot is; call it at every tick."""
@@ -184,9 +187,11 @@ class ReturnPath:
 
     def _radius_m(self, here: Point, entry: Point, anchor: _Anchor | None) -> float:
         """Return the radius around `here` within which all places see the entry: clearance falls a metre per metre."""
+        return math.dist(here, entry) + min(max(self._spare_m(*entry), 0.0), self._far_m(anchor))
+
+    def _spare_m(self, x_m: float, y_m: float) -> float:
         terrain = self._terrain
-        spare_m = min(terrain.clearance_m(*entry) - self._boxes_m, terrain.fence_m(*entry) - self._fence_m)
-        return math.dist(here, entry) + min(max(spare_m, 0.0), self._far_m(anchor))
+        return min(terrain.clearance_m(x_m, y_m) - self._boxes_m, terrain.fence_m(x_m, y_m) - self._fence_m)
 
     def _look(self, here: Point, anchor: _Anchor | None) -> _Anchor | None:
         """Return the anchor for a place, with the best of the roadmaps' paths and the way back."""

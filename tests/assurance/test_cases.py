@@ -6,6 +6,7 @@ The folder `cases` has them as small files, one for each class; where one is fou
 from __future__ import annotations
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,3 +57,25 @@ def test_cases_with_enough_room_are_accepted(tmp_path: Path) -> None:
     roomy = Configuration.read(CASES[0].parent / "narrow-1020.toml")
     wider = Patch(0.0, 0.0, 1.6, max(y for _, y in roomy.room.fence))
     assert_safe(judged(replace(roomy, room=replace(roomy.room, fence=wider.ring)).write(tmp_path / "roomy")))
+
+
+def test_a_robot_that_another_ones_station_may_shut_in_waits_there_for_as_long_as_its_reserve_pays_for(
+    tmp_path: Path,
+) -> None:
+    pocket = CASES[0].parent / "pocket.toml"
+    shutil.copy(pocket.with_suffix(".xml"), tmp_path)
+
+    def charged_in(charge_s: float) -> Done:
+        text = pocket.read_text().replace("charge_s = 36000.0", f"charge_s = {charge_s}")
+        # Robot 1 has to get past robot 2 while that one charges.
+        text = text.replace("1 = 1.0", "1 = 0.4").replace("2 = 0.6", "2 = 0.3").replace("3600.0", "900.0")
+        case = tmp_path / "case.toml"
+        case.write_text(text)
+        return judged(case)
+
+    assert_safe(charged_in(100.0))
+    slow = charged_in(2000.0)
+    assert slow.status == "refused"
+    assert (
+        "a smaller battery.charge_s, for which the robot waits where 1 occupied station may shut it in" in slow.failure
+    )

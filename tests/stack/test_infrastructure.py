@@ -18,6 +18,7 @@ from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import load_backend
 from soter.sdk import Capabilities
 from soter.stack.infrastructure import occupied
+from soter.stack.modules.battery import WAITING
 from soter.stack.refuge import RefugeFinder
 from soter.stack.terrain import Point, Terrain
 from tests.stack.ground import RADIUS_M, dock, planner
@@ -184,3 +185,18 @@ def test_a_station_in_the_corner_of_the_square_around_another_one_is_reached() -
         x, y = declared.place.charger.centre
         for beside in ((x + side * 0.3, y), (x, y + side * 0.3)):
             assert declared.dock.path.shortest_m(*beside) < 1.0
+
+
+@pytest.mark.parametrize(("door_m", "shut_in"), [(0.8, 1), (2.2, 0)])
+def test_a_station_in_a_door_shuts_robots_in_and_one_beside_a_path_does_not(door_m: float, shut_in: int) -> None:
+    walls = Box(2.4, 0.0, 2.6, 2.5 - door_m / 2.0), Box(2.4, 2.5 + door_m / 2.0, 2.6, 5.0)
+    robots = place(1, (1.0, 2.5)), place(2, (1.0, 4.0), OPEN)
+    missions = [load_mission(MISSION, {"backend": "kinematic", "battery.charge_s": each}) for each in (200.0, 300.0)]
+    fast, slow = (
+        declare_all(each, Workspace(5.0, 5.0, walls, robots), dict.fromkeys((1, 2), PROMISED)) for each in missions
+    )
+    battery, phi_safer = missions[0].battery, missions[0].rta.battery.phi_safer
+    waits = WAITING * phi_safer * 100.0 / min(battery.idle_s, WAITING * battery.drive_s)
+    # Who has the station in the door is shut in by none.
+    more = [slow[each].module("battery").keep - fast[each].module("battery").keep for each in (1, 2)]
+    assert more == pytest.approx([shut_in * waits, 0.0])

@@ -19,7 +19,14 @@ def declare(kit: ModuleKit, table: BatteryModuleTable) -> RTAModule:
     dock, v_max_m_s = kit.dock, kit.capabilities.v_max_m_s
     tube = 2.0 * kit.recovery.path_m * dock.cost_per_m
     paid = ChargeForTheWayHome(dock)
-    less = ", or a smaller rta.battery.reserve_factor," if table.reserve_factor > 1.0 else ""
+    remedies = ["a larger battery.drive_s"]
+    if table.reserve_factor > 1.0:
+        remedies.append("a smaller rta.battery.reserve_factor")
+    if kit.shut_in_by:
+        remedies.append(
+            f"a smaller battery.charge_s, for which the robot waits where {kit.shut_in_by} occupied "
+            f"station{'s' * (kit.shut_in_by > 1)} may shut it in, or stations that leave a path between them"
+        )
     return RTAModule(
         kit.name,
         kit.ac,
@@ -32,7 +39,7 @@ def declare(kit: ModuleKit, table: BatteryModuleTable) -> RTAModule:
         keep=_reserve(kit, table),
         # The charge is at most 1.
         most_edge=paid.edge_margin(Charged(1.0)),
-        instead=f"a larger battery.drive_s{less}",
+        instead=", or ".join(remedies) + "," * (len(remedies) > 1),
     )
 
 
@@ -41,6 +48,8 @@ def _reserve(kit: ModuleKit, table: BatteryModuleTable) -> float:
     battery, dock = kit.battery, kit.dock
     others = kit.peers.speeds if kit.recovery.rules.pairs else {}
     others_s = sum(count * (dock.longest_m / v_max_m_s + TURN_S) for v_max_m_s, count in others.items())
+    # Past a station that shuts it in, a robot may have to wait until the one that has just come there is charged.
+    others_s += kit.shut_in_by * table.phi_safer * battery.charge_s
     # A robot that waits also has to make room now and then.
     waiting = WAITING * others_s / min(battery.idle_s, WAITING * battery.drive_s)
     return table.reserve_factor * dock.longest_m * dock.cost_per_m + waiting + kit.contracts_s / battery.drive_s
