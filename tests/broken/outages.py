@@ -19,6 +19,7 @@ _FAST_RAD_S: Final = 1.5
 _FEWER: Final = 5
 _WINDOW: Final = 20
 _STRAY: Final = 3
+_MISSING_S: Final = 0.08
 _DRIFT_RAD_S: Final = math.radians(0.5) / 60.0
 
 
@@ -70,6 +71,17 @@ def _gives_up(robot: Any) -> list[RobotState]:
     return [] if robot.up.stray > _STRAY else received
 
 
+def _reckons_on(robot: Any) -> list[RobotState]:
+    """Move a sample on by as much as the robot drove since the last one, if one between them is missing."""
+    found = []
+    for state in BrokenWire.received(robot):
+        last_s = memory(robot, "last_s", lambda: [math.inf])
+        gap_s = state.stamp_s - last_s[0] if state.stamp_s - last_s[0] > _MISSING_S else 0.0
+        last_s[0] = state.stamp_s
+        found.append(state._replace(x_m=state.x_m + gap_s * state.vx_m_s, y_m=state.y_m + gap_s * state.vy_m_s))
+    return found
+
+
 def _drifts(robot: Any, state: RobotState) -> RobotState:
     """Add up the bias of a gyro, half a degree a minute."""
     return state._replace(heading_rad=math.remainder(state.heading_rad + _DRIFT_RAD_S * state.stamp_s, math.tau))
@@ -94,4 +106,8 @@ OUTAGES_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
            "link.outage", "goes on to it", follows=_follows_in_a_window),
     wired("GivesUpOnNonsense", "Hears nothing any more once three messages have made no sense.",
           "link.nonsense", "make no sense", received=_gives_up),
+    wired("ReckonsOn", "Moves a sample on by the way driven since the last one, where one between them is missing.",
+          "truth.bounds.noise", "when one is lost", received=_reckons_on),
+    driven("RefusesToRestart", "Goes on as before when it is told to restart.", "deadman.restart", "refuses to restart",
+           restart=lambda self: None),
 )  # fmt: skip

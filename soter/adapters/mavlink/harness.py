@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter.adapters.mavlink.authority import KEEPER
 from soter.adapters.mavlink.backend import MavlinkBackend, MavlinkFleet, VehicleBackend
 from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
@@ -32,7 +33,6 @@ _HOST: Final = "127.0.0.1"
 _LOOK_S: Final = 0.02
 _LARGEST: Final = 65536
 _SYSTEM_AT: Final = 5
-_STATION: Final = 250
 _FORCED: Final = 20190226.0
 _BOOT_S: Final = "0.5"
 """Enough to see a vehicle get ready; the kit starts hundreds of them."""
@@ -68,9 +68,9 @@ class MavlinkRelay(ImpairedRelay):
         self._vehicles.close()
         self._adapter.close()
 
-    def tell(self, message: mav.MAVLink_message) -> None:
-        """Send the vehicles a message of another ground station."""
-        _send(self._vehicles, message.pack(mav.MAVLink(None, _STATION)), self._peer)
+    def tell(self, message: mav.MAVLink_message, system: int) -> None:
+        """Send the vehicles a message as if it came from the keeper of a ground station."""
+        _send(self._vehicles, message.pack(mav.MAVLink(None, system, KEEPER)), self._peer)
 
     def _hear(self) -> None:
         while not self._ended.is_set():
@@ -171,13 +171,13 @@ class MavlinkHarness(RelayedHarness):
         self.stopped(self.simulator.process, seconds)
 
     def restart(self, robot_id: int) -> None:
-        """Reboot a vehicle, armed as it is: another ground station has it do so."""
+        """Reboot a vehicle, armed as it is, in the adapter's name: it obeys nobody else while the lease lives."""
         reboot = mav.MAVLink_command_long_message(
             robot_id, mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0,
             1.0, 0.0, 0.0, 0.0, 0.0, _FORCED, 0.0,
         )  # fmt: skip
         assert isinstance(self.relay, MavlinkRelay)
-        self.relay.tell(reboot)
+        self.relay.tell(reboot, self.options.get("system_id", MavlinkConfig.model_fields["system_id"].default))
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()

@@ -14,6 +14,7 @@ from soter.conformance.track import TrackSample, quantile, turn
 from soter.conformance.trials import GOLDEN, Shuttle
 from soter.sdk import Controller
 
+_LOST = 0.2
 _LEGS = ((0.7, 0.0), (0.0, 0.6), (-0.6, -0.2))
 _TRIALS = 16
 _WAKES, _WAKES_IN_PROCESS = 200, 1000
@@ -148,20 +149,26 @@ def yaw_rate(bench: Bench) -> None:
 
 @clause("truth.bounds.noise", tier=Tier.TRUTH)
 def noise(bench: Bench) -> None:
-    """Samples are off the truth of their own moment by no more than position_noise_m and heading_noise_rad."""
-    robot = bench.open_one()
-    for ahead, left in _LEGS:
-        goal = robot.goto(bench.place(robot, ahead, left), Controller.AC)
-        bench.run(bench.way_s(), lambda goal=goal: not goal.active, closely=True)  # type: ignore[misc]
-    bench.run(0.5, closely=True)
-    caps = bench.caps
+    """Samples are off the truth of their own moment by no more than is promised, also where messages are lost."""
+    robot, caps = bench.open_one(), bench.caps
+    for lost in (0.0, _LOST) if bench.harness.gives("loss") else (0.0,):
+        if lost:
+            bench.faulty = True
+            bench.harness.loss(lost)
+        for ahead, left in _LEGS:
+            goal = robot.goto(bench.place(robot, ahead, left), Controller.AC)
+            bench.run(bench.way_s(), lambda goal=goal: not goal.active, closely=True)  # type: ignore[misc]
+        bench.run(0.5, closely=True)
     pairs = _beside(bench.tracks[robot.id])
     bench.require(bool(pairs), "no sample has the stamp of a moment at which the robot was watched: stamps are wrong")
     off_m = [math.hypot(s.state.x_m - x_m, s.state.y_m - y_m) for s, x_m, y_m, _ in pairs]
     off_rad = [abs(turn(heading_rad, s.state.heading_rad)) for s, _, _, heading_rad in pairs]
     # On a wire the truth comes late, too, while the host is busy: the worst hundredth is judged less sharply.
     share, late_s = (1.0, 0.0) if caps.in_process else (0.99, caps.sample_age_s + caps.jitter_s)
-    cause = "another frame or unit, rounded, stamps newer than the sample, or position_noise_m is declared too small"
+    cause = (
+        "another frame or unit, rounded, stamps newer than the sample, moved to its stamp the wrong way when one "
+        "is lost, or position_noise_m is declared too small"
+    )
     bench.measure(
         "position_noise_m", quantile(off_m, share), caps.position_noise_m, caps.v_max_m_s * 2.0 * bench.read_s + 1e-4,
         cause, spread=off_m,

@@ -15,6 +15,7 @@ from soter.conformance.track import turn
 from soter.sdk import Controller, Robot, RobotState
 
 _LEARNS_S = 3.0
+_BEGINS_ANEW_S = 0.5
 _STEP_AGE_S = 0.1
 _CHARGE = 0.02
 _OFF_RAD = 0.1
@@ -183,6 +184,7 @@ def restart(bench: Bench) -> None:
     robot = _silent_after(bench, start_anew, "the vehicle has restarted")
     bench.run(_LEARNS_S)
     before, now = said[0].battery, robot.read_state()
+    _has_restarted(bench, said[0], now)
     age_s = now.age_s(bench.now_s)
     bench.require(
         age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
@@ -219,6 +221,16 @@ def restart(bench: Bench) -> None:
         bench.go(robot, bench.place(robot, 0.0), cause=deaf)
         bench.settle()
     _costs_the_other_nothing(bench)
+
+
+def _has_restarted(bench: Bench, before: RobotState, now: RobotState) -> None:
+    """Fail the clause unless the vehicle's clock has begun anew between two samples."""
+    went_on_s = now.vehicle_stamp_s - before.vehicle_stamp_s
+    bench.require(
+        abs(went_on_s - (now.stamp_s - before.stamp_s)) > _BEGINS_ANEW_S,
+        f"the hook 'restart' was called, and the vehicle's clock went on by {went_on_s:.1f} s as if nothing had been: "
+        "the vehicle refuses to restart, or vehicle_stamp_s is by another clock than its own",
+    )
 
 
 def _costs_the_other_nothing(bench: Bench) -> None:
@@ -281,8 +293,10 @@ def late(bench: Bench) -> None:
     for leases in (2.0, 1.0):
         _stands_though_renewed(bench, robot, leases)
     if bench.harness.gives("restart"):
+        before = robot.read_state()
         bench.harness.restart(robot.id)
         bench.run(_LEARNS_S)
+        _has_restarted(bench, before, robot.read_state())
         for to in (Controller.SC, Controller.AC):
             robot.switch_ac_sc(to, "conformance")
             bench.run(bench.caps.latency_s + 2 * TICK_S)
