@@ -111,7 +111,7 @@ class RobotState(NamedTuple):
         vx_m_s: velocity, east.
         vy_m_s: velocity, north.
         yaw_rate_rad_s: turn rate, counter-clockwise.
-        battery: charge from 0 to 1; None if unknown.
+        battery: charge from 0 to 1, never more than is left: round down; None if unknown.
         controller: the active controller that the robot itself reports; None if it reports none.
         goal_id: the goal that the robot is working on, or None.
         link: state of the link.

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from soter.sdk import RobotState
-from tests.broken.edits import driven, edited, sampled, wired
+from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import counted, memory
@@ -19,6 +19,7 @@ _FAST_RAD_S: Final = 1.5
 _FEWER: Final = 5
 _WINDOW: Final = 20
 _STRAY: Final = 3
+_NORTH: Final = math.pi / 2.0
 _MISSING_S: Final = 0.08
 _DRIFT_RAD_S: Final = math.radians(0.5) / 60.0
 
@@ -92,6 +93,11 @@ OUTAGES: Final[tuple[type[Broken], ...]] = (
            "capabilities.deterministic", "stopped short|host time", _renew_lease=_watches_the_host),
     sampled("SeldomInTurns", "Hands out every fifth sample only while it turns faster than 1.5 rad/s.",
             "several.age", "robots turn the samples", _seldom_in_turns),
+    sampled("MiddleOfPercent", "Says a charge that is half a percent more than what is left.", "truth.state.charge",
+            "never up", lambda self, state: state._replace(battery=min(1.0, (state.battery or 0.0) + 0.005))),
+    targeted("FacesNorth", "Faces north at every place for which no heading is asked.", "goto.no_heading",
+             "nobody asked for",
+             lambda self, to: to._replace(heading_rad=_NORTH if to.heading_rad is None else to.heading_rad)),
     edited("HeadingDrifts", "Says a heading that drifts by half a degree a minute, of 1.7 degrees promised.",
            "endurance.minute", "gyro's bias", _sample=lambda self: _drifts(self, self._honest()),
            declared=replace(Broken.declared, heading_noise_rad=0.03)),

@@ -16,6 +16,7 @@ from soter.errors import RobotUnavailable
 from soter.sdk import Controller, Link, Robot, RobotState, Truth, Waypoint
 
 _PERCENT = 0.01
+_ABOVE = 0.002
 _DRIVES_S = 10.0
 _RESTS_S = 30.0
 _ROUND_S = 40.0
@@ -265,11 +266,22 @@ def _says_that_it_is_flat(bench: Bench) -> None:
 def _compare_charges(bench: Bench, robot: Robot, truth: Truth | None, done: str, rises: float = 0.0) -> None:
     assert truth is not None
     left, said = truth.report().charges[robot.id], _charge(robot.read_state())
+    _is_not_above(bench, robot, said, left, f"after it has {done}", rises)
     bench.measure(
         "charge_off", abs(said - left), _PERCENT, 1e-3 + rises,
         f"after it has {done} the charge is said to be {said:.3f}, and is {left:.3f}: another unit or zero, a voltage, "
         "an old value, a rounded one, or something that is not counted",
     )  # fmt: skip
+
+
+def _is_not_above(bench: Bench, robot: Robot, said: float, left: float, when: str, changes: float) -> None:
+    """Fail the clause if a charge is above the true one, which pays for less than it promises."""
+    most = _ABOVE + max(changes, 0.0 if bench.caps.in_process else _SELDOM_S / robot.spec.drive_s)
+    bench.require(
+        said <= left + most,
+        f"{when} the charge is said to be {said:.4f}, and {left:.4f} is left (allowed: {most:.4f} more): the way home "
+        "is paid for by what is left, so round it down, never up or to the middle of a step",
+    )
 
 
 class _Compared:
@@ -280,6 +292,7 @@ class _Compared:
         self._robot: Final = robot
         self._when: Final = when
         self._worst = 0.0, 0.0, 0.0
+        self._above = -math.inf, 0.0, 0.0
 
     def look(self) -> bool:
         """Compare the sample that was read last; return False, to go on."""
@@ -288,6 +301,7 @@ class _Compared:
         if robot.id in charges:
             left, said = charges[robot.id], _charge(bench.tracks[robot.id][-1].state)
             self._worst = max(self._worst, (abs(said - left), said, left))
+            self._above = max(self._above, (said - left, said, left))
         return False
 
     def judge(self) -> None:
@@ -300,6 +314,7 @@ class _Compared:
             f"{self._when} the charge was said to be {said:.3f}, and was {left:.3f}: a scale that is bent at an end, "
             "such as one that says full from some charge on, or one that is smoothed or old",
         )  # fmt: skip
+        _is_not_above(bench, self._robot, *self._above[1:], self._when, changes)
 
 
 def _charge(state: RobotState) -> float:

@@ -185,13 +185,6 @@ def restart(bench: Bench) -> None:
     bench.run(_LEARNS_S)
     before, now = said[0].battery, robot.read_state()
     _has_restarted(bench, said[0], now)
-    age_s = now.age_s(bench.now_s)
-    bench.require(
-        age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
-        f"{_LEARNS_S:.0f} s after the restart the sample is said to be {age_s:.1f} s old: the vehicle's clock has "
-        "begun anew, and what it stamps is dropped as older than what came before, or dated by the old clock, which it "
-        "still has the name of",
-    )
     rises = (now.stamp_s - said[0].stamp_s) / robot.spec.charge_s
     bench.require(
         before is None or (now.battery is not None and abs(now.battery - before) <= _CHARGE + rises),
@@ -224,7 +217,14 @@ def restart(bench: Bench) -> None:
 
 
 def _has_restarted(bench: Bench, before: RobotState, now: RobotState) -> None:
-    """Fail the clause unless the vehicle's clock has begun anew between two samples."""
+    """Fail the clause unless samples go on, with a clock that has begun anew between two of them."""
+    age_s = now.age_s(bench.now_s)
+    bench.require(
+        age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
+        f"{_LEARNS_S:.0f} s after the restart the sample is said to be {age_s:.1f} s old: the vehicle's clock has "
+        "begun anew, and what it stamps is dropped as older than what came before, or dated by the old clock, which it "
+        "still has the name of; or the vehicle takes whatever it is told for older than what it was told before",
+    )
     went_on_s = now.vehicle_stamp_s - before.vehicle_stamp_s
     bench.require(
         abs(went_on_s - (now.stamp_s - before.stamp_s)) > _BEGINS_ANEW_S,

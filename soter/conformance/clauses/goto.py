@@ -10,13 +10,14 @@ from itertools import pairwise
 from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
-from soter.conformance.track import TrackSample, turn
+from soter.conformance.track import TrackSample, quantile, turn
 from soter.conformance.trials import Shuttle
 from soter.errors import Unsupported
 from soter.sdk import Controller, GoalStatus, Robot, Waypoint
 
 _HOST_S = 0.05
 _OFF_RAD = 0.15
+_AS_IT_CAME_RAD = 0.5
 _REST_S = 0.7
 _IDLE_S, _IDLE_IN_PROCESS_S = 25.0, 100.0
 """In process, longer than most adapters take to sleep or give up; on a wire `deadman.stays` rests as long."""
@@ -254,6 +255,27 @@ def heading(bench: Bench) -> None:
             off <= 0.1,
             f"asked for {wanted:.5f} rad where it stands, it has a heading {off:.2f} rad off that: "
             f"{'a goal so near is taken for reached, whatever its heading' if wanted == aside else _SEAM}",
+        )
+
+
+@clause("goto.no_heading", needs=("pivots_first",))
+def no_heading(bench: Bench) -> None:
+    """Without a heading the robot drives forwards, wherever to, and stands as it came."""
+    robot = bench.open_one()
+    for course_rad, where in ((-math.pi / 2.0, "south"), (math.pi, "west")):
+        began_s = bench.now_s
+        bench.go(robot, _at(bench.look(robot), 0.25 * bench.harness.room_m, course_rad))
+        bench.settle()
+        driven_rad = [
+            abs(turn(math.atan2(each.state.vy_m_s, each.state.vx_m_s), each.heading_rad))
+            for each in bench.since(robot, began_s)
+            if each.speed_m_s > 0.5 * bench.caps.v_max_m_s
+        ]
+        backwards_rad, off_rad = quantile(driven_rad, 0.5), abs(turn(course_rad, bench.look(robot).heading_rad))
+        bench.require(
+            backwards_rad <= math.pi / 2.0 and off_rad <= _AS_IT_CAME_RAD,
+            f"sent to the {where} without a heading it drives {backwards_rad:.2f} rad off its own heading, and stands "
+            f"{off_rad:.2f} rad off that way: a heading that nobody asked for, such as 0 or a goal's before, is sent",
         )
 
 
