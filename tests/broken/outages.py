@@ -11,7 +11,7 @@ from soter.sdk import RobotState
 from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
-from tests.broken.parts import counted, memory
+from tests.broken.parts import counted, memory, with_control
 from tests.conformance.wire import Intent, Vehicle
 
 _WATCHED_S: Final = 0.5
@@ -19,6 +19,7 @@ _FAST_RAD_S: Final = 1.5
 _FEWER: Final = 5
 _WINDOW: Final = 20
 _STRAY: Final = 3
+_END_M: Final = 0.03
 _NORTH: Final = math.pi / 2.0
 _MISSING_S: Final = 0.08
 _DRIFT_RAD_S: Final = math.radians(0.5) / 60.0
@@ -83,6 +84,15 @@ def _reckons_on(robot: Any) -> list[RobotState]:
     return found
 
 
+def _hurries_at_the_end(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    """Drive the last centimetres as fast as a robot without a cap brakes there."""
+    goal = robot._mux.command
+    left_m = math.inf if goal is None else math.dist(state[1:3], (goal.target.x_m, goal.target.y_m))
+    if abs(speed) > 0.0 and left_m < _END_M:
+        speed = math.copysign(math.sqrt(2.0 * left_m * robot.capabilities.brake_m_s2), speed)
+    return speed, rate
+
+
 def _drifts(robot: Any, state: RobotState) -> RobotState:
     """Add up the bias of a gyro, half a degree a minute."""
     return state._replace(heading_rad=math.remainder(state.heading_rad + _DRIFT_RAD_S * state.stamp_s, math.tau))
@@ -98,6 +108,10 @@ OUTAGES: Final[tuple[type[Broken], ...]] = (
     targeted("FacesNorth", "Faces north at every place for which no heading is asked.", "goto.no_heading",
              "nobody asked for",
              lambda self, to: to._replace(heading_rad=_NORTH if to.heading_rad is None else to.heading_rad)),
+    sampled("StampedWhenRead", "Stamps a sample with the time at which it is read, also between two periods.",
+            "state.stamps", "time at which it is read", lambda self, state: state._replace(stamp_s=self.clock.now())),
+    edited("ForgetsTheCap", "Drives the last centimetres without the cap of its goal.", "goto.speed_cap",
+           "next to the target", _connect=with_control(_hurries_at_the_end)),
     edited("HeadingDrifts", "Says a heading that drifts by half a degree a minute, of 1.7 degrees promised.",
            "endurance.minute", "gyro's bias", _sample=lambda self: _drifts(self, self._honest()),
            declared=replace(Broken.declared, heading_noise_rad=0.03)),

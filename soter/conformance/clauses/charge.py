@@ -266,12 +266,12 @@ def _says_that_it_is_flat(bench: Bench) -> None:
 def _compare_charges(bench: Bench, robot: Robot, truth: Truth | None, done: str, rises: float = 0.0) -> None:
     assert truth is not None
     left, said = truth.report().charges[robot.id], _charge(robot.read_state())
-    _is_not_above(bench, robot, said, left, f"after it has {done}", rises)
     bench.measure(
         "charge_off", abs(said - left), _PERCENT, 1e-3 + rises,
         f"after it has {done} the charge is said to be {said:.3f}, and is {left:.3f}: another unit or zero, a voltage, "
         "an old value, a rounded one, or something that is not counted",
     )  # fmt: skip
+    _is_not_above(bench, robot, said, left, f"after it has {done}", rises)
 
 
 def _is_not_above(bench: Bench, robot: Robot, said: float, left: float, when: str, changes: float) -> None:

@@ -31,6 +31,8 @@ _RESTS_S = 25.0
 _SLOW = 0.25
 _LEFT_S = 0.2
 _STALL_SHARE = 0.3
+_HANGS_S = 3.0
+_OLD_S = 0.5
 _WAYS: tuple[tuple[str, Callable[[Robot, Goal], object], bool], ...] = (
     ("a cancel", lambda _, goal: goal.cancel(), True),
     ("a switch", lambda robot, _: robot.switch_ac_sc(Controller.SC, "conformance"), True),
@@ -253,7 +255,7 @@ def _see_lease_end(bench: Bench, robot: Robot, old: Controller, to: Controller, 
 
 @clause("deadman.stalled", tier=Tier.WIRE)
 def stalled(bench: Bench) -> None:
-    """When its lease ends a robot stops also while what hears and talks for it stands still."""
+    """A robot whose program stands still stops when its lease ends, and nobody is said to be in charge of it."""
     bench.require_hook("stall")
     robot = bench.open_one()
     bench.go(robot, bench.place(robot, -0.8))
@@ -268,6 +270,15 @@ def stalled(bench: Bench) -> None:
         f"while what hears and talks for the robot stood still for {stands_s:.1f} s it drove on, lease or not: ask in "
         "the loop that drives whether the lease lives",
     )  # fmt: skip
+    bench.harness.stall(robot.id, _HANGS_S)
+    bench.run(_HANGS_S - 2.0 * TICK_S)
+    state = robot.read_state()
+    bench.require(
+        state.controller is None or state.age_s(bench.now_s) > bench.caps.sample_age_s + _OLD_S,
+        f"what hears and talks for the robot has stood still for {_HANGS_S:g} s, and the {state.controller} is said to "
+        "be in charge: what was reported last counts for ever, or for as long as something is sent; forget it once "
+        "nothing has been answered for a while",
+    )
 
 
 @clause("deadman.turning", needs=("pivots_first",))

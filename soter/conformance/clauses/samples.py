@@ -10,8 +10,9 @@ from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.judging import STILL_M
 from soter.conformance.track import quantile
-from soter.sdk import Controller, Goal, RobotState
+from soter.sdk import Controller, Goal, Robot, RobotState
 
+_BETWEEN, _SHARE = 5, 0.4
 _LONG_S = 10.0
 _RATE = 2e-3
 _AGES_S = 8.0
@@ -69,6 +70,22 @@ def stamps(bench: Bench) -> None:
         f"stamps went on by {fleet_s:.3f} s, those of the vehicle by {vehicle_s:.3f} s: milliseconds, a clock that "
         "stands still, or one that is fast or slow",
     )
+    if bench.caps.in_process:
+        _between_periods(bench, robot, after)
+
+
+def _between_periods(bench: Bench, robot: Robot, before: RobotState) -> None:
+    """Fail the clause if a sample that is read between two control periods claims to be of that moment."""
+    clock = bench.fleet.clock
+    for _ in range(_BETWEEN):
+        clock.sleep_until(clock.now() + _SHARE * TICK_S)
+        state = robot.read_state()
+        late_s = (state.stamp_s - before.stamp_s) - (state.vehicle_stamp_s - before.vehicle_stamp_s)
+        bench.require(
+            abs(late_s) <= ROUNDING,
+            f"read between two of its periods, a sample is stamped {late_s:.3f} s later than by its vehicle: it "
+            "has the time at which it is read, and not the one at which the robot was there",
+        )
 
 
 @clause("state.age")
