@@ -63,7 +63,7 @@ class Preparation:
         ready: whether nothing is missing.
         waits_for: what is missing, in words.
         gated: whether the vehicle has a gate of its own; None until it has answered.
-        origin: the origin of the vehicle's EKF; None until it is reported.
+        origin: the origin of the vehicle's EKF; None until it is reported, also after each beginning.
     """
 
     def __init__(
@@ -94,12 +94,12 @@ class Preparation:
         self.taken = self.ready = self.may_arm = self.armed_it = False
         self.waits_for = "everything"
         self.gated: bool | None = None
-        self.origin: GeoPoint | None = None
         self.begin()
 
     def begin(self) -> None:
         """Begin, or begin anew: earlier messages of the vehicle do not count."""
         self._since_s = self._vehicle.now_s
+        self.origin: GeoPoint | None = None
         self._vehicle.parameters.clear()
         self._authority.begin()
         # While the vehicle gets ready, the keeper itself sends its commands.

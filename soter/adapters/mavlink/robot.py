@@ -19,7 +19,7 @@ from typing import ClassVar, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import CONTROLLERS, KEEPER, SENDERS, Authority
-from soter.adapters.mavlink.frames import frame_of
+from soter.adapters.mavlink.frames import EarthFrame, Frame, GeoPoint, frame_of
 from soter.adapters.mavlink.legs import TargetLeg, reach_m
 from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.obedience import Obedience
@@ -91,6 +91,7 @@ class MavlinkRobot(Robot):
         self._renewed_s = 0.0
         self._beaten_s = self._synced_s = -math.inf
         self._reboots = 0
+        self._first_origin: GeoPoint | None = None
         self._lost = False
 
     # --- the hooks -----------------------------------------------------------------------------------------
@@ -220,6 +221,8 @@ class MavlinkRobot(Robot):
         anew = heard and (self._lost or self._obedience.may_be_taken_back or preparation.moved)
         if reboots != self._reboots or (preparation.ready and anew):
             self._reboots = reboots
+            if preparation.moved:
+                self._sampler.frame = None
             preparation.begin()
         self._lost = not heard
         try:
@@ -227,6 +230,9 @@ class MavlinkRobot(Robot):
                 raise RobotUnavailable("two vehicles with its system id are heard; give each one of its own")
             if not preparation.ready and preparation.step():
                 self._adopt()
+            elif self._sampler.latest is not None and self._sampler.frame is None and preparation.origin is not None:
+                # Where it is, is known again, long before it is ready.
+                self._sampler.frame = self._frame(preparation.origin)
         except RobotUnavailable as failure:
             raise RobotUnavailable(f"robot {self.id}: {failure}") from failure
         return preparation.ready
@@ -245,9 +251,7 @@ class MavlinkRobot(Robot):
         """Adopt the preparation's findings: frame, kind and gate."""
         preparation, kind = self._preparation, self._vehicle.kind
         assert preparation.origin is not None
-        plane_m = self._config.height_m if kind.flies else 0.0
-        frame = frame_of(self._config.geo_origin, preparation.origin, plane_m, is_px4=kind.is_px4)
-        self._sampler.frame = frame
+        frame = self._sampler.frame = self._frame(preparation.origin)
         self._setpoints.begin(frame)
         self._sampler.flies = kind.flies
         self._halted_at = self._halted_s = None
@@ -257,6 +261,13 @@ class MavlinkRobot(Robot):
             "robot %d: a %s is ready; %s", self.id, kind.name,
             "it has a gate of its own" if self._gated else "its autopilot has no gate, the adapter stands in",
         )  # fmt: skip
+
+    def _frame(self, origin: GeoPoint) -> Frame | EarthFrame:
+        kind = self._vehicle.kind
+        plane_m = self._config.height_m if kind.flies else 0.0
+        # A workspace without a place on earth stays where the first origin was, wherever a reboot moves that to.
+        self._first_origin = self._first_origin or origin
+        return frame_of(self._config.geo_origin or self._first_origin, origin, plane_m, is_px4=kind.is_px4)
 
     def _beat(self, systems: Iterable[int]) -> None:
         """Send heartbeats if they are due. Called with the lease, and while no robot may move yet."""

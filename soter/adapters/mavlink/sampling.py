@@ -217,7 +217,8 @@ class Sampler:
         who: returns the active controller that the vehicle reports, or None.
 
     Attributes:
-        frame: the vehicle's frame; None until the origin of its EKF is known.
+        frame: the vehicle's frame; None until the origin of its EKF is known, and from a reboot, which moves that
+            origin, until it is set again. Without it there are no new samples.
         latest: the newest sample.
         flies: whether height is reported; on the ground it is 0, whatever a barometer says.
     """
@@ -236,9 +237,18 @@ class Sampler:
         self._charge: Final = charge
         self._who: Final = who
         self._made_of: tuple[Any, Any, Controller | None] | None = None
+        self._frame: Frame | EarthFrame | None = None
+        self._reboots = 0
         self.latest: RobotState | None = None
-        self.frame: Frame | EarthFrame | None = None
         self.flies = False
+
+    @property
+    def frame(self) -> Frame | EarthFrame | None:
+        return self._frame if self._reboots == self._time_sync.reboots else None
+
+    @frame.setter
+    def frame(self, frame: Frame | EarthFrame | None) -> None:
+        self._frame, self._reboots = frame, self._time_sync.reboots
 
     def sample(self) -> RobotState | None:
         """Return the newest sample; the same object until a new message is heard."""

@@ -27,6 +27,28 @@ def test_after_a_reboot_it_is_made_ready_again_without_being_opened_anew(puppet:
     assert puppet.targets()[-1][1]["type_mask"] != STANDS
 
 
+@pytest.mark.parametrize("origin", [None, {"lat_deg": 47.3977420, "lon_deg": 8.5455940, "alt_m": 488.0}])
+def test_a_reboot_moves_the_origin_and_no_sample_is_of_the_old_one(
+    puppet: Puppet, origin: dict[str, float] | None
+) -> None:
+    robot = ready(puppet, origin=origin)
+    puppet.y_m = 3.0
+    tick(puppet, robot, 2)
+    assert robot.read_state().y_m == pytest.approx(3.0, abs=0.01)
+    # Its EKF begins where it stands.
+    puppet.reboot()
+    puppet.origin_lat += round(3.0 / 111_194.0 * 1e7)
+    puppet.y_m = 0.0
+    north_m = []
+    for _ in range(120):
+        tick(puppet, robot)
+        state = robot.read_state()
+        if state.age_s(robot.clock.now()) < 0.1:
+            north_m.append(state.y_m)
+    assert len(north_m) > 60
+    assert north_m == pytest.approx([3.0] * len(north_m), abs=0.02)
+
+
 @pytest.mark.parametrize("returns", ["stopped", "rebooted"])
 def test_one_that_is_not_driven_because_it_was_away_is_heard_again_all_the_same(puppet: Puppet, returns: str) -> None:
     puppet.gate = False
