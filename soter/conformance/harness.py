@@ -16,7 +16,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
-    "stop_clock", "garble",
+    "stop_clock", "garble", "seize",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -259,6 +259,10 @@ class Harness(ABC):
 
         It is what missions get that name no address of a robot.
         """
+        raise NotImplementedError
+
+    def seize(self, robot_id: int) -> None:
+        """Let a person take the robot from SOTER and stop it, as by a switch on it or at another ground station."""
         raise NotImplementedError
 
     def garble(self, fraction: float) -> None:

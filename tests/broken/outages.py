@@ -128,6 +128,8 @@ OUTAGES_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           "link.nonsense", "make no sense", received=_gives_up),
     wired("ReckonsOn", "Moves a sample on by the way driven since the last one, where one between them is missing.",
           "truth.bounds.noise", "when one is lost", received=_reckons_on),
+    driven("TakenBack", "Is driven again when its lease is renewed, though a person has taken it and stopped it.",
+           "authority.seized", "takes it back", passing=lambda self, clock_s: self.mux.passing(clock_s)),
     driven("RefusesToRestart", "Goes on as before when it is told to restart.", "deadman.restart", "refuses to restart",
            restart=lambda self: None),
 )  # fmt: skip

@@ -137,6 +137,7 @@ class Vehicle:
             self.lease_s = spec.promised.lease_s  # type: ignore[misc]
         self.drive = Drive(built(spec, self.limits), world.period_s)
         self.periods, self.stalls_until_s = 0, 0.0
+        self.seized = False
         self.begin()
         world.set_control(spec.id, self.control)
 
@@ -154,7 +155,7 @@ class Vehicle:
         return self.world.now_s >= self.stalls_until_s
 
     def passing(self, clock_s: float) -> Goal | None:
-        return self.mux.passing(clock_s)
+        return None if self.seized else self.mux.passing(clock_s)
 
     def control(self, now_s: float, x: float, y: float, heading: float, v: float, rate: float) -> tuple[float, float]:
         clock_s, talks = min(now_s, self.stopped_s) + self.offset_s, self.talks()
@@ -175,7 +176,7 @@ class Vehicle:
         command = self.mux.command
         return RobotState(
             self.id, clock_s, clock_s, x, y, 0.0, heading, east, north, rate, self.world.bodies.charge[self.index],
-            self.mux.in_charge, None if command is None else command.id, Link.UP,
+            None if self.seized else self.mux.in_charge, None if command is None else command.id, Link.UP,
         )  # fmt: skip
 
     def take(self, intent: Intent, clock_s: float) -> None:
@@ -429,6 +430,9 @@ class WireHarness(Harness):
 
     def garble(self, fraction: float) -> None:
         self._all(garble=fraction)
+
+    def seize(self, robot_id: int) -> None:
+        self.vehicles[robot_id].seized = True
 
     def _all(self, **faults: float) -> None:
         for vehicle in self.vehicles.values():

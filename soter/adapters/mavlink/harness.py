@@ -22,7 +22,7 @@ from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
-from soter.adapters.mavlink.vehicle import EVERYBODY
+from soter.adapters.mavlink.vehicle import ARDUROVER, EVERYBODY
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
 from soter.conformance.harness import LIMITS, Harness, Killable, Switchable
 from soter.errors import RobotUnavailable
@@ -33,6 +33,7 @@ _HOST: Final = "127.0.0.1"
 _LOOK_S: Final = 0.02
 _LARGEST: Final = 65536
 _SYSTEM_AT: Final = 5
+_STATION: Final = 250
 _FORCED: Final = 20190226.0
 _BOOT_S: Final = "0.5"
 """Enough to see a vehicle get ready; the kit starts hundreds of them."""
@@ -179,6 +180,15 @@ class MavlinkHarness(RelayedHarness):
         assert isinstance(self.relay, MavlinkRelay)
         self.relay.tell(reboot, self.options.get("system_id", MavlinkConfig.model_fields["system_id"].default))
 
+    def seize(self, robot_id: int) -> None:
+        """Have another ground station set the mode in which the vehicle stands."""
+        hold = mav.MAVLink_command_long_message(
+            robot_id, mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_CMD_DO_SET_MODE, 0,
+            mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, ARDUROVER.stop, 0.0, 0.0, 0.0, 0.0, 0.0,
+        )  # fmt: skip
+        assert isinstance(self.relay, MavlinkRelay)
+        self.relay.tell(hold, _STATION)
+
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
         simulator = self._watched(port)
@@ -213,6 +223,8 @@ class CopterHarness(MavlinkHarness):
     # After a reboot a copter has to get ready, arm and take off again, which takes longer than the kit waits.
     switchable = Harness.switchable
     restart = Harness.restart
+    # The mode in which it stands has another number than a rover's.
+    seize = Harness.seize
 
 
 class PlainHarness(MavlinkHarness):
@@ -239,6 +251,8 @@ class MavsdkCopterHarness(MavsdkHarness):
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
     switchable = Harness.switchable
     restart = Harness.restart
+    # The mode in which it stands has another number than a rover's.
+    seize = Harness.seize
 
 
 def open_given(argument: str) -> Fleet:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from threading import Event, Thread
 
@@ -14,6 +15,7 @@ from soter.sdk import Controller, Link, Robot
 
 _MANY_TIMES = 25
 _READY_S = 2.0
+_SEIZED_S = 4.0
 
 
 @clause("authority.one_program", tier=Tier.WIRE)
@@ -75,6 +77,29 @@ def next_program(bench: Bench) -> None:
         "it is taken for the first goal of the program before, to where that had sent the robot: goals are known by "
         "their numbers alone, and every program begins with 1",
     )
+
+
+@clause("authority.seized", tier=Tier.WIRE)
+def seized(bench: Bench) -> None:
+    """What a person takes from SOTER stays his: it is not driven again, and nobody is said to be in charge of it."""
+    bench.require_hook("seize")
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.faulty = True
+    bench.harness.seize(robot.id)
+    bench.run(bench.orphaned_s() + 1.0)
+    # A goal in force, and one that is new.
+    for _ in range(2):
+        before = bench.true_place(robot)
+        bench.run(_SEIZED_S)
+        state, moved_m = robot.read_state(), math.dist(before, bench.true_place(robot))
+        bench.require(
+            moved_m <= bench.still_m and state.controller is None,
+            f"a person has taken the robot and stopped it, and it moves by {moved_m:.2f} m, while the "
+            f"{state.controller or 'nobody'} is said to be in charge: the adapter takes it back by itself, or does not "
+            "see that it has lost it",
+        )
+        robot.goto(bench.place(robot, -0.5), Controller.AC)
 
 
 def _renews(robot: Robot) -> bool:
