@@ -73,7 +73,7 @@ class OwnRule(NamedTuple):
     def allows(
         self, situation: Situation, bx_m: float, by_m: float, off_m: float, off_rad: float, peer_m: float
     ) -> bool:
-        """Return whether the rule holds along the leg to b, wherever the robot may stray, or the leg makes it no worse.
+        """Return whether the rule holds along the leg to b, wherever the robot may stray, or the leg leads away.
 
         The margin is evaluated as if the robot were there already, at its present speed. A rule that raises allows no
         leg; its decision module raises as well, and reports why.
@@ -99,9 +99,9 @@ class OwnRule(NamedTuple):
     def _keeps(self, situation: Situation, strays: list[Point], directions: list[Point], peer_m: float) -> bool:
         now = self.region.margin(situation.copy())
         least = self._least(now, peer_m)
-        # Written so that NaN allows nothing.
+        # Written so that NaN allows nothing. A margin that stays as it is says nothing of what is aside.
         return all(self.region.margin(_moved(situation, *place)) >= least for place in strays) or all(
-            self.region.margin(_moved(situation, *place)) >= now for place in directions
+            self.region.margin(_moved(situation, *place)) > now for place in directions
         )
 
     def _least(self, margin: float, peer_m: float) -> float:

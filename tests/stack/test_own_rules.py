@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pytest
 
 from soter.campaign.random.attackers import FarApart, Outside
-from soter.rta import Region
+from soter.rta import Region, Situation
 from soter.stack.own_rules import OwnRule
 from tests.rta.doubles import At
 from tests.stack.ground import seen
@@ -53,3 +53,12 @@ def test_a_leg_away_from_the_nearest_peer_uses_up_no_more_than_half_of_the_margi
 
 def test_a_rule_that_is_no_number_allows_no_leg() -> None:
     assert not allowed(FarApart(math.nan), True, 180.0, [NEAR])
+
+
+def test_beside_a_rule_that_only_says_yes_or_no_no_leg_leads_away() -> None:
+    class Half(Outside):
+        def margin(self, situation: Situation) -> float:
+            return 1.0 if situation.own.y_m >= -0.03 else -1.0
+
+    assert not allowed(Half(0.0, 0.0, 0.0), False, 0.0)
+    assert not allowed(Half(0.0, 0.0, 0.0), False, 30.0)

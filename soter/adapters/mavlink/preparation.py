@@ -23,6 +23,7 @@ from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import RETRY_S, Vehicle, place_of
 from soter.errors import RobotUnavailable
+from soter.geometry.earth import Projection
 from soter.sdk import Capabilities, Controller
 
 _DUPLICATE_MESSAGES: Final = 3
@@ -64,6 +65,8 @@ class Preparation:
         waits_for: what is missing, in words.
         gated: whether the vehicle has a gate of its own; None until it has answered.
         origin: the origin of the vehicle's EKF; None until it is reported, also after each beginning.
+        workspace_origin: the workspace's; without a place on earth it stays at the vehicle's first origin, wherever a
+            reboot moves that to. None until it is known.
     """
 
     def __init__(
@@ -94,6 +97,7 @@ class Preparation:
         self.taken = self.ready = self.may_arm = self.armed_it = False
         self.waits_for = "everything"
         self.gated: bool | None = None
+        self.workspace_origin: GeoPoint | Projection | None = config.geo_origin
         self.begin()
 
     def begin(self) -> None:
@@ -170,6 +174,7 @@ class Preparation:
             lambda: vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN),
         )  # fmt: skip
         assert self.origin is not None
+        assert self.workspace_origin is not None
         yield from judge_places(vehicle, self.origin, self._config, self._promised)
         yield from self._until(lambda: self._time_sync.settled, "its clock to be known")
         if vehicle.mode == kind.guided and vehicle.armed:
@@ -192,7 +197,7 @@ class Preparation:
         reboots = self._time_sync.reboots
         if self._config.upload_fence and self._fenced != reboots:
             # Once after each boot: reading it back takes long, and a vehicle that was only silent still holds it.
-            items = fence_items(self._config.workspace, self._config.geo_origin or self.origin)
+            items = fence_items(self._config.workspace, self.workspace_origin)
             yield from put_up(vehicle, self._lists, items, self._parameter)
             self._fenced = reboots
         yield from self._until(lambda: self.may_arm, "its turn to arm")
@@ -304,6 +309,7 @@ class Preparation:
         said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
         if said is not None:
             self.origin = place_of(said)
+            self.workspace_origin = self.workspace_origin or self.origin
         return said is not None
 
     def _mode(self, mode: int) -> Iterator[str]:

@@ -91,7 +91,6 @@ class MavlinkRobot(Robot):
         self._renewed_s = 0.0
         self._beaten_s = self._synced_s = -math.inf
         self._reboots = 0
-        self._first_origin: GeoPoint | None = None
         self._lost = False
 
     # --- the hooks -----------------------------------------------------------------------------------------
@@ -265,9 +264,7 @@ class MavlinkRobot(Robot):
     def _frame(self, origin: GeoPoint) -> Frame | EarthFrame:
         kind = self._vehicle.kind
         plane_m = self._config.height_m if kind.flies else 0.0
-        # A workspace without a place on earth stays where the first origin was, wherever a reboot moves that to.
-        self._first_origin = self._first_origin or origin
-        return frame_of(self._config.geo_origin or self._first_origin, origin, plane_m, is_px4=kind.is_px4)
+        return frame_of(self._preparation.workspace_origin, origin, plane_m, is_px4=kind.is_px4)
 
     def _beat(self, systems: Iterable[int]) -> None:
         """Send heartbeats if they are due. Called with the lease, and while no robot may move yet."""

@@ -190,6 +190,21 @@ def test_it_is_read_back_once_in_each_life_of_the_vehicle() -> None:
         assert autopilot.fence.enabled
 
 
+def test_after_a_reboot_that_moves_the_origin_it_is_where_it_was() -> None:
+    with opened() as (fleet, wire):
+        robot, autopilot = fleet.robots[0], wire.autopilot(1)
+        robot.init(20.0)
+        before = [(item.x, item.y) for item in autopilot.fence.items]
+        autopilot.armed, autopilot.fence.items = False, ()
+        autopilot.origin = autopilot.origin._replace(lat_deg=autopilot.origin.lat_deg + 2e-5)  # type: ignore[misc]
+        assert autopilot.reboot() is None
+        for _ in range(400):
+            robot.read_state()
+            wire.sleep(0.05)
+        assert robot._preparation.ready  # type: ignore[attr-defined]
+        assert [(item.x, item.y) for item in wire.autopilot(1).fence.items] == before
+
+
 def test_of_a_map_exactly_what_is_occupied_is_kept_out() -> None:
     # A chess board, of which nothing can be put together.
     occupied = np.indices((100, 100)).sum(axis=0) % 2 == 1

@@ -49,6 +49,20 @@ def test_a_reboot_moves_the_origin_and_no_sample_is_of_the_old_one(
     assert north_m == pytest.approx([3.0] * len(north_m), abs=0.02)
 
 
+def test_a_position_from_before_a_reboot_is_not_moved_by_a_turn_from_after_it(puppet: Puppet) -> None:
+    robot = ready(puppet)
+    puppet.speed_m_s = 0.2
+    tick(puppet, robot, 2)
+    before = robot.read_state()
+    puppet.reboot()
+    # Only half of a sample is heard of the new life yet.
+    for _ in range(10):
+        puppet.time.now_s += 0.02
+        puppet.clock_s += 0.02
+        puppet.say("ATTITUDE", time_boot_ms=round(puppet.clock_s * 1e3), yaw=puppet.yaw_rad, yawspeed=0.0)
+        assert robot.read_state().y_m == pytest.approx(before.y_m, abs=0.01)
+
+
 @pytest.mark.parametrize("returns", ["stopped", "rebooted"])
 def test_one_that_is_not_driven_because_it_was_away_is_heard_again_all_the_same(puppet: Puppet, returns: str) -> None:
     puppet.gate = False
