@@ -19,7 +19,7 @@ def declare(kit: ModuleKit, table: BatteryModuleTable) -> RTAModule:
     dock, v_max_m_s = kit.dock, kit.capabilities.v_max_m_s
     tube = 2.0 * kit.recovery.path_m * dock.cost_per_m
     paid = ChargeForTheWayHome(dock)
-    remedies = ["a larger battery.drive_s"]
+    remedies = [f"a larger battery.drive_s{' and battery.idle_s' * (kit.shut_in_by > 0)}"]
     if table.reserve_factor > 1.0:
         remedies.append("a smaller rta.battery.reserve_factor")
     if kit.shut_in_by:
