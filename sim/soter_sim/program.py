@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from pydantic import TypeAdapter
 
@@ -69,16 +68,6 @@ def serve(endpoint: RealTimeWorld, ended: Ending, **told: object) -> None:
     finally:
         with killed_after(LEAVE_S):
             endpoint.close()
-
-
-class _Clocked(Protocol):
-    def stop_clock(self) -> None:
-        """Let the clock stand still."""
-
-
-def stops_clock(endpoint: _Clocked) -> None:
-    """Let SIGUSR1 stop an endpoint's clock, to show what robots do then."""
-    signal.signal(signal.SIGUSR1, lambda _number, _frame: endpoint.stop_clock())
 
 
 def _favour() -> None:

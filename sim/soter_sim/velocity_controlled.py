@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import signal
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from functools import partial
 from math import inf, isfinite
 from typing import Final
 
+from soter.adapters.velocity_controlled.simulator import RESTARTS
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.real_time import RealTimeWorld
@@ -17,14 +20,17 @@ _ODOMETRY_STEPS: Final = 2
 _BATTERY_STEPS: Final = 30
 
 START_S: Final = 1000.0
-"""Initial time of the world's clock, so that it cannot be mistaken for the host's time or for none."""
+"""Initial time of robots' clocks, so that it cannot be mistaken for the host's time or for none."""
 
 COMMAND_S: Final = 0.2
 """Time after the last velocity at which motors stop, in the world's time."""
 
 
+_REST: Final = (0.0, 0.0, -COMMAND_S)
+
+
 class VelocityControlledBase(ABC):
-    """The base of one robot: its motors follow the last velocity, and stop when it is too old.
+    """The base of one robot: its motors follow the last velocity, and stop when it is too old; and the robot's clock.
 
     Args:
         world: the robot's world.
@@ -34,14 +40,33 @@ class VelocityControlledBase(ABC):
     def __init__(self, world: World, robot_id: int) -> None:
         self._world: Final = world
         self._index: Final = world.index(robot_id)
-        self._asked = (0.0, 0.0, -COMMAND_S)
+        self._asked = _REST
+        self._began_s, self._stopped_s = 0.0, inf
         world.set_control(robot_id, self._control)
+
+    @property
+    def clock_s(self) -> float:
+        """Time of the robot's own clock."""
+        return START_S + min(self._world.now_s, self._stopped_s) - self._began_s
+
+    def stop_clock(self) -> None:
+        """Let the clock stand still from now on, while the world goes on."""
+        self._stopped_s = self._world.now_s
+
+    def restart(self) -> None:
+        """Forget the last velocity, and begin the clock anew."""
+        self._asked = _REST
+        self._began_s, self._stopped_s = self._world.now_s, inf
 
     def drive(self, forward_m_s: float, turn_rad_s: float) -> None:
         """Take a velocity, from any thread; one that is not finite means rest."""
         if not isfinite(forward_m_s + turn_rad_s):
             forward_m_s = turn_rad_s = 0.0
         self._asked = forward_m_s, turn_rad_s, self._world.now_s
+
+    @abstractmethod
+    def tell_clock(self) -> None:
+        """Send the time of its clock."""
 
     @abstractmethod
     def tell_odometry(self) -> None:
@@ -80,19 +105,10 @@ class VelocityControlledEndpoint(RealTimeWorld):
     ) -> None:
         super().__init__(workspace, robots, limits, STEP_S, truth_port, speedup)
         self.bases: Final[list[VelocityControlledBase]] = []
-        self._stopped_s = inf
-
-    @property
-    def clock_s(self) -> float:
-        """Time of the world's clock."""
-        return START_S + min(self.world.now_s, self._stopped_s)
-
-    def stop_clock(self) -> None:
-        """Let the clock stand still from now on, while the world goes on."""
-        self._stopped_s = self.world.now_s
 
     def _tell(self, before: int, steps: int) -> None:
-        self._tell_clock()
+        for base in self.bases:
+            base.tell_clock()
         if steps // _ODOMETRY_STEPS > before // _ODOMETRY_STEPS:
             for base in self.bases:
                 base.tell_odometry()
@@ -100,6 +116,18 @@ class VelocityControlledEndpoint(RealTimeWorld):
             for base in self.bases:
                 base.tell_battery()
 
-    @abstractmethod
-    def _tell_clock(self) -> None:
-        """Send the time of the world's clock."""
+
+def impair_by_signals(bases: Sequence[VelocityControlledBase]) -> None:
+    """Let SIGUSR1 stop all clocks, and the n-th signal from `RESTARTS` on restart the n-th base."""
+
+    def stop_clocks(_number: int, _frame: object) -> None:
+        for base in bases:
+            base.stop_clock()
+
+    signal.signal(signal.SIGUSR1, stop_clocks)
+    for number, base in zip(range(RESTARTS, signal.SIGRTMAX + 1), bases, strict=False):
+        signal.signal(number, partial(_restart, base))
+
+
+def _restart(base: VelocityControlledBase, _number: int, _frame: object) -> None:
+    base.restart()

@@ -98,11 +98,11 @@ def _say_how_to_connect(simulator: ZenohSimulator, *, stamped: bool, speedup: fl
         "cmd_vel_ac": f"{twist}, to the mux",
         "cmd_vel_sc": f"{twist}, to the mux",
         "cmd_vel": f"{twist}, from the mux to the base",
+        CLOCK: "rosgraph_msgs/Clock, 60 Hz",
         "soter/order": "std_msgs/String, to the mux",
         "soter/gate": "std_msgs/String, from the mux",
     }
     emit("\nKeys, all of them CDR:\n")
     for name in simulator.namespaces.values():
         emit("\n".join(f"{f'{name}/{key}':28}{what}" for key, what in keys.items()))
-    emit(f"{CLOCK:28}rosgraph_msgs/Clock, 60 Hz")
     emit("\nCtrl-C ends it.")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from soter.onboard.program import Ending
-from soter_sim.program import make_parser, read_namespaces, read_world, serve, stops_clock
+from soter_sim.program import make_parser, read_namespaces, read_world, serve
 from soter_sim.ros2.endpoint import Endpoint
+from soter_sim.velocity_controlled import impair_by_signals
 
 
 def main() -> None:
@@ -14,7 +15,7 @@ def main() -> None:
     ended = Ending(given.parent)
     namespaces = read_namespaces(given.namespaces)
     endpoint = Endpoint(workspace, robots, namespaces, limits, stamped=given.stamped, truth_port=given.truth_port)
-    stops_clock(endpoint)
+    impair_by_signals(endpoint.bases)
     serve(endpoint, ended)
 
 

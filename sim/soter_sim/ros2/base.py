@@ -1,18 +1,27 @@
-"""The base of one simulated robot as a ROS node: odometry and battery out, velocity in."""
+"""The base of one simulated robot as a ROS node: clock, odometry and battery out, velocity in."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import cos, sin
 from typing import Any, Final
 
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState
 
 from soter_sim.velocity_controlled import VelocityControlledBase
 from soter_sim.world import World
+
+CLOCK: Final = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def to_ros(time_s: float) -> Any:
+    """Return a builtin_interfaces/Time."""
+    return Time(nanoseconds=round(time_s * 1e9)).to_msg()
 
 
 class Base(VelocityControlledBase):
@@ -22,19 +31,21 @@ class Base(VelocityControlledBase):
         node: a node in the robot's namespace.
         world: the robot's world.
         robot_id: its number.
-        stamp: returns the world's time as a ROS message.
         stamped: whether velocities come as TwistStamped.
     """
 
-    def __init__(self, node: Node, world: World, robot_id: int, stamp: Callable[[], Any], *, stamped: bool) -> None:
+    def __init__(self, node: Node, world: World, robot_id: int, *, stamped: bool) -> None:
         super().__init__(world, robot_id)
         self.node: Final = node
-        self._stamp: Final = stamp
         self._frame: Final = node.get_namespace().strip("/")
         self._stamped: Final = stamped
+        self._clock: Final = node.create_publisher(Clock, "clock", CLOCK)
         self._odometry: Final = node.create_publisher(Odometry, "odom", 1)
         self._battery: Final = node.create_publisher(BatteryState, "battery_state", 1)
         node.create_subscription(TwistStamped if stamped else Twist, "cmd_vel", self._hear, 1)
+
+    def tell_clock(self) -> None:
+        self._clock.publish(Clock(clock=to_ros(self.clock_s)))
 
     def tell_odometry(self) -> None:
         bodies, i = self._world.bodies, self._index
@@ -56,6 +67,9 @@ class Base(VelocityControlledBase):
         message.percentage = self._world.bodies.charge[self._index]
         message.present = True
         self._battery.publish(message)
+
+    def _stamp(self) -> Any:
+        return to_ros(self.clock_s)
 
     def _hear(self, message: Any) -> None:
         twist = message.twist if self._stamped else message

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
-from soter_sim.ros2.base import Base
-from soter_sim.velocity_controlled import VelocityControlledEndpoint
+from soter_sim.ros2.base import CLOCK, Base, to_ros
+from soter_sim.velocity_controlled import START_S, VelocityControlledEndpoint
 
 logger = logging.getLogger(__name__)
 
@@ -51,14 +49,12 @@ class Endpoint(VelocityControlledEndpoint):
         self._executor: Final = SingleThreadedExecutor(context=self._context)
         self._nodes: Final = [self._node("soter_sim", None)]
         self._executor.add_node(self._nodes[0])
-        self._clock: Final = self._nodes[0].create_publisher(
-            Clock, "/clock", QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        )
+        self._clock: Final = self._nodes[0].create_publisher(Clock, "/clock", CLOCK)
         for robot in robots:
             node = self._node("base", namespaces[robot.id])
             self._nodes.append(node)
             self._executor.add_node(node)
-            self.bases.append(Base(node, self.world, robot.id, self._stamp, stamped=stamped))
+            self.bases.append(Base(node, self.world, robot.id, stamped=stamped))
 
     def _wait(self, seconds: float) -> None:
         try:
@@ -70,8 +66,9 @@ class Endpoint(VelocityControlledEndpoint):
             if self._failed == 1:
                 logger.exception("dropped what could not be taken")
 
-    def _tell_clock(self) -> None:
-        self._clock.publish(Clock(clock=self._stamp()))
+    def _tell(self, before: int, steps: int) -> None:
+        self._clock.publish(Clock(clock=to_ros(START_S + self.world.now_s)))
+        super()._tell(before, steps)
 
     def _end(self) -> None:
         self._executor.shutdown()
@@ -79,9 +76,6 @@ class Endpoint(VelocityControlledEndpoint):
             node.destroy_node()
         self._nodes.clear()
         self._context.try_shutdown()
-
-    def _stamp(self) -> Any:
-        return Time(nanoseconds=round(self.clock_s * 1e9)).to_msg()
 
     def _node(self, name: str, namespace: str | None) -> Node:
         return Node(

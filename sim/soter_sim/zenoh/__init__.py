@@ -2,8 +2,8 @@
 
 Each robot has a namespace with the keys of a ROS 2 robot's base behind zenoh-bridge-ros2dds: `odom` (nav_msgs/Odometry,
 30 Hz), `battery_state` (sensor_msgs/BatteryState, 2 Hz) and `cmd_vel` (geometry_msgs/Twist, or TwistStamped); it stops
-0.2 s after the last velocity. The key `clock` shows the world's time at 60 Hz. The mux in front of `cmd_vel`, which is
-started beside it, one process for each robot, decides which controller drives.
+0.2 s after the last velocity. The key `clock` in the namespace shows the robot's own time at 60 Hz. The mux in front of
+`cmd_vel`, which is started beside it, one process for each robot, decides which controller drives.
 
 The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
 `soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "endpoints":

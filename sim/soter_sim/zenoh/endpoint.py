@@ -1,16 +1,12 @@
-"""A world in real time as robots on keys: their bases and its clock."""
+"""A world in real time as robots on keys."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import Final
 
 import zenoh
 
-from soter.adapters.zenoh.messages import RosClock, Time
-from soter.adapters.zenoh.options import CLOCK
-from soter.adapters.zenoh.talk import Voice, stamp_of
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.velocity_controlled import VelocityControlledEndpoint
@@ -44,16 +40,9 @@ class Endpoint(VelocityControlledEndpoint):
         speedup: float = 1.0,
     ) -> None:
         super().__init__(workspace, robots, limits, truth_port, speedup)
-        self._clock: Final = Voice(session, CLOCK)
         self.bases.extend(
-            Base(session, namespaces[robot.id], self.world, robot.id, self._stamp, stamped=stamped) for robot in robots
+            Base(session, namespaces[robot.id], self.world, robot.id, stamped=stamped) for robot in robots
         )
 
     def _wait(self, seconds: float) -> None:
         time.sleep(seconds)
-
-    def _tell_clock(self) -> None:
-        self._clock.say(RosClock(self._stamp()))
-
-    def _stamp(self) -> Time:
-        return stamp_of(self.clock_s)

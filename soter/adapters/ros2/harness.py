@@ -103,9 +103,14 @@ class Ros2Harness(RelayedHarness):
         self.stopped(self.simulator.muxes[robot_id], seconds)
 
     def stop_clock(self, robot_id: int) -> None:
-        """Let the clock of all robots, which is that of their world, stand still from now on."""
+        """Let the clocks of all robots stand still from now on."""
         assert isinstance(self.simulator, Ros2Simulator)
         self.simulator.world.send_signal(signal.SIGUSR1)
+
+    def restart(self, robot_id: int) -> None:
+        """Restart a robot's base and mux; the world goes on."""
+        assert isinstance(self.simulator, Ros2Simulator)
+        self.simulator.restart(robot_id)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

@@ -163,6 +163,7 @@ class Ros2Simulator(VelocityControlledSimulator):
         stamped, promised = "true" if self._stamped else "false", self.promised(robot_id)
         self.muxes[robot_id] = self._start(
             "soter.adapters.ros2.mux", "--robot", self.namespaces[robot_id], "--ros-args",
+            "-r", f"/clock:={self.namespaces[robot_id]}/clock",
             "-p", "use_sim_time:=true", "-p", f"stamped:={stamped}",
             "-p", f"lease_s:={VelocityControlledRobot.counted_s(promised)!r}",
             "-p", f"v_max_m_s:={promised.v_max_m_s!r}", "-p", f"yaw_rate_max_rad_s:={promised.yaw_rate_max_rad_s!r}",

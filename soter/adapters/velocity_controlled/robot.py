@@ -165,6 +165,9 @@ class VelocityControlledRobot(Robot):
             return
         east_m_s, north_m_s = motion.velocity
         gate, charge = self._gate, self._charge
+        if rebooted and charge is not None:
+            # Its stamp is by a clock that is no more.
+            self._charge = charge = charge._replace(stamp_s=motion.stamp_s)
         unanswered_s = self._unanswered_s
         if unanswered_s is not None and latest is not None:
             passed_s = max(0.0, motion.stamp_s - latest[1].stamp_s) / self._rate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,9 @@ from soter.adapters.velocity_controlled.robot import VelocityControlledRobot
 from soter.geometry.workspace import Workspace
 from soter.sdk import Capabilities, RobotSpec, RuleLimits, program
 from soter.sdk.wire import describe
+
+RESTARTS: Final = int(signal.SIGRTMIN) + 1
+"""The signal that restarts the base of a world's first robot; the next one that of its second."""
 
 
 class VelocityControlledSimulator(ABC):
@@ -49,6 +53,14 @@ class VelocityControlledSimulator(ABC):
     @abstractmethod
     def start_mux(self, robot_id: int) -> None:
         """Start a robot's mux, in place of any earlier one."""
+
+    def restart(self, robot_id: int) -> None:
+        """Restart a robot's base and mux as if its power had been off; its own clock begins anew."""
+        mux = self.muxes[robot_id]
+        mux.kill()
+        mux.wait()
+        self.world.send_signal(RESTARTS + [*self.namespaces].index(robot_id))
+        self.start_mux(robot_id)
 
     def lost(self) -> str:
         """Return which process has ended, in words; empty while all run."""

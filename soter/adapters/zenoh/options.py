@@ -17,7 +17,7 @@ from soter.sdk import Capabilities
 _KEY: Final = re.compile(r"[^/*$?#\s]+(/[^/*$?#\s]+)*")
 
 CLOCK: Final = "clock"
-"""The key of a simulated world's clock, which is /clock in ROS."""
+"""The key of a simulated robot's clock, in its namespace; `/clock` in ROS."""
 
 Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
 

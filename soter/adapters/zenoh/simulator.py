@@ -66,10 +66,10 @@ class ZenohSimulator(VelocityControlledSimulator):
             self.start_mux(robot_id)
 
     def start_mux(self, robot_id: int) -> None:
-        promised = self.promised(robot_id)
+        promised, namespace = self.promised(robot_id), self.namespaces[robot_id]
         self.muxes[robot_id] = self._start(
-            "soter.adapters.zenoh.mux", "--robot", self.namespaces[robot_id], "--session", self._session_file,
-            "--clock", CLOCK, "--lease", repr(VelocityControlledRobot.counted_s(promised)),
+            "soter.adapters.zenoh.mux", "--robot", namespace, "--session", self._session_file,
+            "--clock", f"{namespace}/{CLOCK}", "--lease", repr(VelocityControlledRobot.counted_s(promised)),
             "--v-max", repr(promised.v_max_m_s), "--yaw-rate-max", repr(promised.yaw_rate_max_rad_s),
             *self._flags, pipes=False,
         )  # fmt: skip

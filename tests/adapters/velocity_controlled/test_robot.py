@@ -55,15 +55,16 @@ class Fake(VelocityControlledRobot):
         self,
         stamp_s: float,
         x_m: float = 0.0,
-        percentage: float = 0.5,
+        percentage: float | None = 0.5,
         w: float = 1.0,
         forward_m_s: float = 0.0,
         turn_rad_s: float = 0.0,
     ) -> None:
-        """Hear odometry, and of the battery."""
+        """Hear odometry, and of the battery unless its percentage is None."""
         stamp = SimpleNamespace(sec=math.floor(stamp_s), nanosec=round(stamp_s % 1.0 * 1e9))
         zero = {"x": 0.0, "y": 0.0, "z": 0.0}
-        self._take_battery(SimpleNamespace(header=SimpleNamespace(stamp=stamp), percentage=percentage))
+        if percentage is not None:
+            self._take_battery(SimpleNamespace(header=SimpleNamespace(stamp=stamp), percentage=percentage))
         self._take_odometry(
             SimpleNamespace(
                 header=SimpleNamespace(stamp=stamp),
@@ -199,6 +200,16 @@ def test_what_was_overtaken_on_its_way_is_left_out(robot: Fake) -> None:
     robot.hear(500.05, x_m=0.05)
     assert robot.read_state().x_m == pytest.approx(0.1)
     assert robot.discarded == 0
+
+
+def test_after_a_reboot_a_battery_that_is_silent_counts_as_driving_from_then_on(robot: Fake) -> None:
+    for stamp_s in (3.0, 3.1, 3.2, 3.3, 3.4, 3.5, 3.6, 3.7, 3.8, 3.9):
+        robot.host.now_s += 0.1
+        robot.hear(stamp_s, percentage=None)
+    robot.host.now_s += 60.0
+    robot.hear(63.9, percentage=None)
+    left = 0.5 - 60.0 / robot.spec.drive_s
+    assert robot.read_state().battery == pytest.approx(left, abs=0.5 / robot.spec.drive_s)
 
 
 def test_what_makes_no_sense_is_counted_and_said_once(robot: Fake, caplog: pytest.LogCaptureFixture) -> None:

@@ -37,7 +37,7 @@ class Intruder:
         self._seq = 0
         self._orders = Voice(session, "robot1/soter/order")
         self._velocities = [Voice(session, f"robot1/{key}") for key in ("cmd_vel", "cmd_vel_ac", "cmd_vel_sc")]
-        Ear(session, "clock", RosClock, self._note_clock)
+        Ear(session, "robot1/clock", RosClock, self._note_clock)
         Ear(session, "robot1/odom", Odometry, self._note)
 
     def push(self) -> None:

@@ -17,6 +17,7 @@ import zenoh
 from pydantic import TypeAdapter
 
 from soter.adapters.velocity_controlled.motion import seconds
+from soter.adapters.velocity_controlled.simulator import RESTARTS
 from soter.adapters.zenoh.messages import BatteryState, Odometry, RosClock, String, Twist, Vector3
 from soter.adapters.zenoh.session import SessionOptions
 from soter.adapters.zenoh.talk import Ear, Voice
@@ -54,7 +55,7 @@ class Client:
         self.battery: list[BatteryState] = []
         Ear(session, "robot1/odom", Odometry, self.odometry.append)
         Ear(session, "robot1/battery_state", BatteryState, self.battery.append)
-        Ear(session, "clock", RosClock, lambda message: self.clock.append(seconds(message.clock)))
+        Ear(session, "robot1/clock", RosClock, lambda message: self.clock.append(seconds(message.clock)))
         self.velocity = Voice(session, "robot1/cmd_vel")
 
     def reaches(self, speed_m_s: float, seen_m_s: float) -> bool:
@@ -107,6 +108,18 @@ def test_its_clock_can_be_stopped_and_the_world_goes_on(client: Client, face: su
     assert client.reaches(0.2, 0.2)
     assert eventually(lambda: client.odometry[-1].pose.pose.position.x != began_m)
     assert seconds(client.odometry[-1].header.stamp) == client.clock[-1]
+
+
+def test_a_base_that_restarts_stops_where_it_is_and_its_clock_begins_anew(
+    client: Client, face: subprocess.Popen[bytes]
+) -> None:
+    assert client.reaches(0.2, 0.2)
+    stamp_s = seconds(client.odometry[-1].header.stamp)
+    face.send_signal(RESTARTS)
+    assert eventually(lambda: client.speed_m_s == 0.0)
+    assert client.clock[-1] == pytest.approx(seconds(client.odometry[-1].header.stamp), abs=0.2)
+    assert client.clock[-1] < stamp_s
+    assert client.odometry[-1].pose.pose.position.x > SPECS[0].x_m
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
