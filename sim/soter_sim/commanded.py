@@ -8,9 +8,8 @@ python -m MODULE [WORKSPACE.xml] [--at JSON] [--truth-port PORT] [--parent PID]
 
 Without a workspace the world comes as JSON on standard input. The first line printed is JSON:
 `{"robots": {"1": ADDRESS}, "truth": "127.0.0.1:PORT", "control": PORT}`: the robots' addresses, that of
-`soter_sim.truth_server`, and the UDP port of this host that takes faults, such as
-`{"robot": 1, "step_clock_s": -30.0}`, `{"robot": 1, "stop_clock": true}` or `{"robot": 1, "restart": true}`.
-`soter.sdk.wire.Simulator` starts it so. `--at` takes the addresses that an earlier simulator printed.
+`soter_sim.truth_server`, and the port of `soter_sim.faults`. `soter.sdk.wire.Simulator` starts it so. `--at` takes the
+addresses that an earlier simulator printed.
 """
 
 from __future__ import annotations
@@ -18,10 +17,8 @@ from __future__ import annotations
 import json
 import logging
 import math
-import socket
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from math import cos, sin
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +30,7 @@ from soter.onboard.drive import Drive
 from soter.onboard.goal_gate import GoalGate
 from soter.onboard.program import Ending
 from soter.sdk.values import RobotSpec, RuleLimits
+from soter_sim.faults import FaultPort
 from soter_sim.program import make_parser, read_world, serve
 from soter_sim.real_time import RealTimeWorld
 from soter_sim.world import World
@@ -46,7 +44,6 @@ LEASE_S: Final = 0.15
 _BOOT_APART_S: Final = 1000.0
 """Difference between the clocks of successive robots, so that one cannot be mistaken for another."""
 
-_MOST_BYTES: Final = 1000
 
 logger = logging.getLogger(__name__)
 
@@ -133,6 +130,7 @@ class CommandedEndpoint(RealTimeWorld):
 
     Attributes:
         vehicles: the robots, by number.
+        faults: takes faults for them.
     """
 
     def __init__(
@@ -143,15 +141,7 @@ class CommandedEndpoint(RealTimeWorld):
             spec.id: CommandedVehicle(self.world, spec.id, LEASE_S if spec.promised is None else spec.promised.lease_s)
             for spec in robots
         }
-        self._control: Final = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._control.setblocking(False)
-        self._control.bind(("127.0.0.1", 0))
-
-    @property
-    def control_port(self) -> int:
-        """The UDP port of this host that takes faults."""
-        port: int = self._control.getsockname()[1]
-        return port
+        self.faults: Final = FaultPort(self.vehicles)
 
     @property
     @abstractmethod
@@ -180,24 +170,13 @@ class CommandedEndpoint(RealTimeWorld):
         self.vehicles[robot_id].take(command)
 
     def close(self) -> None:
-        self._control.close()
+        self.faults.close()
         super().close()
 
     def _tell(self, before: int, steps: int) -> None:
-        self._mistreat()
+        self.faults.take()
         for robot_id, vehicle in self.vehicles.items():
             self._say(robot_id, self._encode(vehicle.report()))
-
-    def _mistreat(self) -> None:
-        with suppress(BlockingIOError):
-            while True:
-                asked = json.loads(self._control.recv(_MOST_BYTES))
-                vehicle = self.vehicles[asked["robot"]]
-                vehicle.step_clock(asked.get("step_clock_s", 0.0))
-                if asked.get("stop_clock"):
-                    vehicle.stop_clock()
-                if asked.get("restart"):
-                    vehicle.restart()
 
 
 Make = Callable[[Workspace, Sequence[RobotSpec], RuleLimits, int, Mapping[int, Any]], CommandedEndpoint]
@@ -223,4 +202,4 @@ def run(module: str, what: str, make: Make) -> None:
         robots = [RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad) for each in workspace.robots]
     ended = Ending(given.parent)
     endpoint = make(workspace, robots, limits, given.truth_port, {int(number): at for number, at in given.at.items()})
-    serve(endpoint, ended, robots=dict(endpoint.addresses), control=endpoint.control_port)
+    serve(endpoint, ended, robots=dict(endpoint.addresses), control=endpoint.faults.number)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import signal
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from functools import partial
 from math import inf, isfinite
 from typing import Final
 
-from soter.adapters.velocity_controlled.simulator import RESTARTS
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
+from soter_sim.faults import FaultPort
 from soter_sim.real_time import RealTimeWorld
 from soter_sim.world import World
 
@@ -48,6 +46,10 @@ class VelocityControlledBase(ABC):
     def clock_s(self) -> float:
         """Time of the robot's own clock."""
         return START_S + min(self._world.now_s, self._stopped_s) - self._began_s
+
+    def step_clock(self, seconds: float) -> None:
+        """Set the clock forward, or back if negative."""
+        self._began_s -= seconds
 
     def stop_clock(self) -> None:
         """Let the clock stand still from now on, while the world goes on."""
@@ -92,7 +94,8 @@ class VelocityControlledEndpoint(RealTimeWorld):
         speedup: seconds of the world per second of the host.
 
     Attributes:
-        bases: the robots' bases, which a subclass sets.
+        bases: the robots' bases, by number, which a subclass sets.
+        faults: takes faults for them.
     """
 
     def __init__(
@@ -104,30 +107,19 @@ class VelocityControlledEndpoint(RealTimeWorld):
         speedup: float = 1.0,
     ) -> None:
         super().__init__(workspace, robots, limits, STEP_S, truth_port, speedup)
-        self.bases: Final[list[VelocityControlledBase]] = []
+        self.bases: Final[dict[int, VelocityControlledBase]] = {}
+        self.faults: Final = FaultPort(self.bases)
 
     def _tell(self, before: int, steps: int) -> None:
-        for base in self.bases:
+        self.faults.take()
+        for base in self.bases.values():
             base.tell_clock()
         if steps // _ODOMETRY_STEPS > before // _ODOMETRY_STEPS:
-            for base in self.bases:
+            for base in self.bases.values():
                 base.tell_odometry()
         if steps // _BATTERY_STEPS > before // _BATTERY_STEPS:
-            for base in self.bases:
+            for base in self.bases.values():
                 base.tell_battery()
 
-
-def impair_by_signals(bases: Sequence[VelocityControlledBase]) -> None:
-    """Let SIGUSR1 stop all clocks, and the n-th signal from `RESTARTS` on restart the n-th base."""
-
-    def stop_clocks(_number: int, _frame: object) -> None:
-        for base in bases:
-            base.stop_clock()
-
-    signal.signal(signal.SIGUSR1, stop_clocks)
-    for number, base in zip(range(RESTARTS, signal.SIGRTMAX + 1), bases, strict=False):
-        signal.signal(number, partial(_restart, base))
-
-
-def _restart(base: VelocityControlledBase, _number: int, _frame: object) -> None:
-    base.restart()
+    def _end(self) -> None:
+        self.faults.close()

@@ -65,15 +65,15 @@ class WireHarness(RelayedHarness):
 
     def step_clock(self, robot_id: int, seconds: float) -> None:
         """Set a vehicle's own clock forward, or back if negative, while its program goes on."""
-        self._simulated().step_clock(robot_id, seconds)
+        self._simulated().faults.step_clock(robot_id, seconds)
 
     def stop_clock(self, robot_id: int) -> None:
         """Let a vehicle's own clock stand still from now on, while its program goes on."""
-        self._simulated().stop_clock(robot_id)
+        self._simulated().faults.stop_clock(robot_id)
 
     def restart(self, robot_id: int) -> None:
         """Restart a vehicle's program, which forgets active controller, target and lease; its clock begins at 0."""
-        self._simulated().restart(robot_id)
+        self._simulated().faults.restart(robot_id)
 
     def stall(self, robot_id: int, seconds: float) -> None:
         """Suspend the robots' program; when it goes on, it makes up for the simulated time."""

@@ -6,6 +6,7 @@ import json
 import os
 import select
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -118,6 +119,33 @@ class Program:
     def close(self) -> None:
         """End the process and wait until it is gone. Idempotent."""
         end([self.process])
+
+
+class Faults:
+    """Brings faults into simulated robots of this host, each within one of their periods.
+
+    Args:
+        port: the UDP port that their simulator prints as `control`; see `soter_sim.faults`.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._port: Final = port
+
+    def step_clock(self, robot_id: int, seconds: float) -> None:
+        """Set a robot's own clock forward, or back if negative."""
+        self._ask({"robot": robot_id, "step_clock_s": seconds})
+
+    def stop_clock(self, robot_id: int) -> None:
+        """Let a robot's own clock stand still from now on, while its program goes on."""
+        self._ask({"robot": robot_id, "stop_clock": True})
+
+    def restart(self, robot_id: int) -> None:
+        """Reboot a robot's computer: it forgets all commands, and its clock begins anew."""
+        self._ask({"robot": robot_id, "restart": True})
+
+    def _ask(self, asked: dict[str, object]) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            out.sendto(json.dumps(asked).encode(), ("127.0.0.1", self._port))
 
 
 def ended(what: str, process: subprocess.Popen[bytes]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -54,6 +53,7 @@ class Simulator(program.Program):
 
     Attributes:
         robots: by robot, its address, as the simulator says.
+        faults: brings faults into the robots.
 
     Raises:
         RobotUnavailable: the simulator does not start.
@@ -70,23 +70,7 @@ class Simulator(program.Program):
         described = describe(workspace, robots, limits)
         super().__init__("the simulator", module, described, "--at", json.dumps(at or {}))
         self.robots: Final[dict[int, Any]] = {int(robot_id): each for robot_id, each in self.told["robots"].items()}
-        self._control: Final[int] = self.told["control"]
-
-    def step_clock(self, robot_id: int, seconds: float) -> None:
-        """Set a robot's own clock forward, or back if negative, within one of its periods."""
-        self._mistreat({"robot": robot_id, "step_clock_s": seconds})
-
-    def stop_clock(self, robot_id: int) -> None:
-        """Let a robot's own clock stand still from now on, while its program goes on."""
-        self._mistreat({"robot": robot_id, "stop_clock": True})
-
-    def restart(self, robot_id: int) -> None:
-        """Reboot a robot's computer: it forgets all commands, and its clock begins at 0."""
-        self._mistreat({"robot": robot_id, "restart": True})
-
-    def _mistreat(self, asked: dict[str, object]) -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-            out.sendto(json.dumps(asked).encode(), ("127.0.0.1", self._control))
+        self.faults: Final = program.Faults(self.told["control"])
 
 
 class WireFleet(Fleet, Generic[S]):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from soter.onboard.program import Ending
 from soter_sim.program import make_parser, read_namespaces, read_world, serve
 from soter_sim.ros2.endpoint import Endpoint
-from soter_sim.velocity_controlled import impair_by_signals
 
 
 def main() -> None:
@@ -15,8 +14,7 @@ def main() -> None:
     ended = Ending(given.parent)
     namespaces = read_namespaces(given.namespaces)
     endpoint = Endpoint(workspace, robots, namespaces, limits, stamped=given.stamped, truth_port=given.truth_port)
-    impair_by_signals(endpoint.bases)
-    serve(endpoint, ended)
+    serve(endpoint, ended, control=endpoint.faults.number)
 
 
 if __name__ == "__main__":

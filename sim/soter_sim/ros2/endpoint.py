@@ -54,7 +54,7 @@ class Endpoint(VelocityControlledEndpoint):
             node = self._node("base", namespaces[robot.id])
             self._nodes.append(node)
             self._executor.add_node(node)
-            self.bases.append(Base(node, self.world, robot.id, stamped=stamped))
+            self.bases[robot.id] = Base(node, self.world, robot.id, stamped=stamped)
 
     def _wait(self, seconds: float) -> None:
         try:
@@ -71,6 +71,7 @@ class Endpoint(VelocityControlledEndpoint):
         super()._tell(before, steps)
 
     def _end(self) -> None:
+        super()._end()
         self._executor.shutdown()
         for node in self._nodes:
             node.destroy_node()

@@ -6,7 +6,6 @@ from soter.adapters.zenoh.programs import add_session, positive, read_session, r
 from soter.adapters.zenoh.session import close_session, endpoints, open_session
 from soter.onboard.program import Ending
 from soter_sim.program import make_parser, read_namespaces, read_world, serve
-from soter_sim.velocity_controlled import impair_by_signals
 from soter_sim.zenoh.endpoint import Endpoint
 
 
@@ -26,8 +25,7 @@ def main() -> None:
                 workspace, robots, read_namespaces(given.namespaces), session, limits, stamped=given.stamped,
                 truth_port=given.truth_port, speedup=given.speedup,
             )  # fmt: skip
-            impair_by_signals(endpoint.bases)
-            serve(endpoint, ended, endpoints=endpoints(session))
+            serve(endpoint, ended, control=endpoint.faults.number, endpoints=endpoints(session))
         finally:
             close_session(session)
 

@@ -40,9 +40,8 @@ class Endpoint(VelocityControlledEndpoint):
         speedup: float = 1.0,
     ) -> None:
         super().__init__(workspace, robots, limits, truth_port, speedup)
-        self.bases.extend(
-            Base(session, namespaces[robot.id], self.world, robot.id, stamped=stamped) for robot in robots
-        )
+        for robot in robots:
+            self.bases[robot.id] = Base(session, namespaces[robot.id], self.world, robot.id, stamped=stamped)
 
     def _wait(self, seconds: float) -> None:
         time.sleep(seconds)

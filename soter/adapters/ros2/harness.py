@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import subprocess
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
@@ -102,10 +101,15 @@ class Ros2Harness(RelayedHarness):
         assert isinstance(self.simulator, Ros2Simulator)
         self.stopped(self.simulator.muxes[robot_id], seconds)
 
-    def stop_clock(self, robot_id: int) -> None:
-        """Let the clocks of all robots stand still from now on."""
+    def step_clock(self, robot_id: int, seconds: float) -> None:
+        """Set a robot's own clock forward, or back if negative; the world goes on."""
         assert isinstance(self.simulator, Ros2Simulator)
-        self.simulator.world.send_signal(signal.SIGUSR1)
+        self.simulator.faults.step_clock(robot_id, seconds)
+
+    def stop_clock(self, robot_id: int) -> None:
+        """Let a robot's own clock stand still from now on; the world goes on."""
+        assert isinstance(self.simulator, Ros2Simulator)
+        self.simulator.faults.stop_clock(robot_id)
 
     def restart(self, robot_id: int) -> None:
         """Restart a robot's base and mux; the world goes on."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -12,9 +11,6 @@ from soter.adapters.velocity_controlled.robot import VelocityControlledRobot
 from soter.geometry.workspace import Workspace
 from soter.sdk import Capabilities, RobotSpec, RuleLimits, program
 from soter.sdk.wire import describe
-
-RESTARTS: Final = int(signal.SIGRTMIN) + 1
-"""The signal that restarts the base of a world's first robot; the next one that of its second."""
 
 
 class VelocityControlledSimulator(ABC):
@@ -35,9 +31,11 @@ class VelocityControlledSimulator(ABC):
         truth: address of the ground truth, as `host:port`.
         world: the process of the world.
         muxes: by robot id, the process of its mux.
+        faults: brings faults into the bases.
     """
 
     truth: str
+    faults: program.Faults
 
     def __init__(
         self, module: str, prefix: str, robots: Sequence[RobotSpec], environment: Mapping[str, str], *options: str
@@ -59,7 +57,7 @@ class VelocityControlledSimulator(ABC):
         mux = self.muxes[robot_id]
         mux.kill()
         mux.wait()
-        self.world.send_signal(RESTARTS + [*self.namespaces].index(robot_id))
+        self.faults.restart(robot_id)
         self.start_mux(robot_id)
 
     def lost(self) -> str:
@@ -80,7 +78,7 @@ class VelocityControlledSimulator(ABC):
         """Send the world and the mission's limits to the world's process, and return the process's answer."""
         try:
             told = program.hand_over(self.world, self._module, describe(workspace, self._robots, limits))
-            self.truth = told["truth"]
+            self.truth, self.faults = told["truth"], program.Faults(told["control"])
         except BaseException:
             self.close()
             raise

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -89,10 +88,15 @@ class ZenohHarness(RelayedHarness):
         assert isinstance(self.simulator, ZenohSimulator)
         self.stopped(self.simulator.muxes[robot_id], seconds)
 
-    def stop_clock(self, robot_id: int) -> None:
-        """Let the clocks of all robots stand still from now on."""
+    def step_clock(self, robot_id: int, seconds: float) -> None:
+        """Set a robot's own clock forward, or back if negative; the world goes on."""
         assert isinstance(self.simulator, ZenohSimulator)
-        self.simulator.world.send_signal(signal.SIGUSR1)
+        self.simulator.faults.step_clock(robot_id, seconds)
+
+    def stop_clock(self, robot_id: int) -> None:
+        """Let a robot's own clock stand still from now on; the world goes on."""
+        assert isinstance(self.simulator, ZenohSimulator)
+        self.simulator.faults.stop_clock(robot_id)
 
     def restart(self, robot_id: int) -> None:
         """Restart a robot's base and mux; the world goes on."""

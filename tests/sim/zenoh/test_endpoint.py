@@ -17,12 +17,12 @@ import zenoh
 from pydantic import TypeAdapter
 
 from soter.adapters.velocity_controlled.motion import seconds
-from soter.adapters.velocity_controlled.simulator import RESTARTS
 from soter.adapters.zenoh.messages import BatteryState, Odometry, RosClock, String, Twist, Vector3
 from soter.adapters.zenoh.session import SessionOptions
 from soter.adapters.zenoh.talk import Ear, Voice
 from soter.geometry.workspace import Workspace
 from soter.sdk import RobotSpec, RuleLimits
+from soter.sdk.program import Faults
 from tests.adapters.velocity_controlled.base import says_where_it_stands, stops_by_itself
 from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 from tests.adapters.velocity_controlled.processes import end_with_their_parent
@@ -49,7 +49,8 @@ def start(*options: str) -> subprocess.Popen[bytes]:
 class Client:
     """Whoever drives the base: hears everything, says velocities."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, faults: Faults) -> None:
+        self.faults = faults
         self.odometry: list[Odometry] = []
         self.clock: list[float] = []
         self.battery: list[BatteryState] = []
@@ -85,7 +86,7 @@ def client(face: subprocess.Popen[bytes]) -> Iterator[Client]:
     told: dict[str, Any] = json.loads(face.stdout.readline())
     assert all(each.startswith("tcp/127.0.0.1:") for each in told["endpoints"])
     with opened(SessionOptions(connect=tuple(told["endpoints"]))) as (session,):
-        client = Client(session)
+        client = Client(session, Faults(told["control"]))
         assert eventually(lambda: len(client.odometry) > 5 and len(client.clock) > 5 and bool(client.battery))
         yield client
 
@@ -101,8 +102,8 @@ def test_it_says_where_it_is_at_its_rates_and_does_what_it_is_told(client: Clien
     stops_by_itself(client.odometry, lambda: client.reaches(-9.0, -0.22))
 
 
-def test_its_clock_can_be_stopped_and_the_world_goes_on(client: Client, face: subprocess.Popen[bytes]) -> None:
-    face.send_signal(signal.SIGUSR1)
+def test_its_clock_can_be_stopped_and_the_world_goes_on(client: Client) -> None:
+    client.faults.stop_clock(1)
     assert eventually(lambda: len(client.clock) > 5 and len({*client.clock[-5:]}) == 1)
     began_m = client.odometry[-1].pose.pose.position.x
     assert client.reaches(0.2, 0.2)
@@ -110,12 +111,10 @@ def test_its_clock_can_be_stopped_and_the_world_goes_on(client: Client, face: su
     assert seconds(client.odometry[-1].header.stamp) == client.clock[-1]
 
 
-def test_a_base_that_restarts_stops_where_it_is_and_its_clock_begins_anew(
-    client: Client, face: subprocess.Popen[bytes]
-) -> None:
+def test_a_base_that_restarts_stops_where_it_is_and_its_clock_begins_anew(client: Client) -> None:
     assert client.reaches(0.2, 0.2)
     stamp_s = seconds(client.odometry[-1].header.stamp)
-    face.send_signal(RESTARTS)
+    client.faults.restart(1)
     assert eventually(lambda: client.speed_m_s == 0.0)
     assert client.clock[-1] == pytest.approx(seconds(client.odometry[-1].header.stamp), abs=0.2)
     assert client.clock[-1] < stamp_s
