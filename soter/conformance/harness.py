@@ -16,7 +16,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
-    "stop_clock", "garble", "seize",
+    "stop_clock", "garble", "seize", "intrude",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -263,6 +263,10 @@ class Harness(ABC):
 
     def seize(self, robot_id: int) -> None:
         """Let a person take the robot from SOTER and stop it, as by a switch on it or at another ground station."""
+        raise NotImplementedError
+
+    def intrude(self, robot_id: int, seconds: float) -> None:
+        """Have another program move the robot past its supervisor, again and again for some time; return at once."""
         raise NotImplementedError
 
     def garble(self, fraction: float) -> None:

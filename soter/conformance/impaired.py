@@ -68,6 +68,14 @@ class ImpairedRelay:
             line.held = None
         self._send(line, messages)
 
+    def say(self, line: Line, message: bytes, times: int = 1, every_s: float = 0.0, *, after_s: float = 0.0) -> None:
+        """Deliver a message that nobody has sent, unimpaired, so many times, the first after a time; return at once."""
+        now_s = time.monotonic() + after_s
+        with self._changed:
+            for number in range(times):
+                heapq.heappush(self._due, (now_s + number * every_s, next(self._numbers), line, message))
+            self._changed.notify()
+
     def _send(self, line: Line, messages: Iterable[bytes]) -> None:
         at_s = time.monotonic() + self.delay_s
         with self._changed:

@@ -13,7 +13,8 @@ from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import Exact, braking_at, memory, with_control
 from tests.broken.seldom import State
-from tests.conformance.wire import Faults, Intent, Vehicle, WireRobot
+from tests.conformance.channel import Faults
+from tests.conformance.wire import Intent, Vehicle, WireRobot
 
 _NEAR_M: Final = 0.15
 _SOFTLY: Final = braking_at(0.5)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import ClassVar, Generic, NamedTuple, TypeVar
+from typing import ClassVar, NamedTuple
 
 from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.clock import Clock, VehicleClock, VirtualClock
@@ -16,79 +15,21 @@ from soter.conformance import Harness
 from soter.conformance.find import open_floor
 from soter.conformance.harness import FOR_EVER_S, LEG_M, Killable, Switchable
 from soter.conformance.harness import LIMITS as JUDGED_BY
-from soter.errors import RobotUnavailable
+from soter.errors import Intruder, RobotUnavailable
 from soter.onboard.drive import Drive, DriveLimits
 from soter.onboard.mux import Mux
 from soter.sdk import Capabilities, Controller, Fleet, Goal, Link, Robot, RobotSpec, RobotState, TruthReport
 from soter_sim import LIMITS, World
 from soter_sim.bodies import built
 from soter_sim.kinematic import KinematicEngine
+from tests.conformance.channel import Channel, Faults
 from tests.conformance.simulated import specs_of
-
-M = TypeVar("M")
 
 PERIOD_S = 0.01
 """The vehicle's control period."""
 
 SAMPLE_PERIODS = 2
 """So many of them from one sample to the next."""
-
-LATE_S = 0.12
-"""How much later a reordered message comes."""
-
-
-@dataclass
-class Faults:
-    """What is wrong with a link."""
-
-    cut: bool = False
-    gone: bool = False
-    delay_s: float = 0.0
-    loss: float = 0.0
-    duplicate: float = 0.0
-    reorder: float = 0.0
-    garble: float = 0.0
-
-
-class Channel(Generic[M]):
-    """One direction of a link.
-
-    Attributes:
-        arrived_s: by what was handed out, when it had arrived.
-        stray: how many messages that make no sense came between the others, which is all that is known of them.
-    """
-
-    def __init__(self, faults: Faults, seed: int) -> None:
-        self.faults = faults
-        self.arrived_s: dict[int, float] = {}
-        self.stray = 0
-        self._random = random.Random(seed)
-        self._flying: list[tuple[float, M]] = []
-
-    def send(self, now_s: float, message: M) -> None:
-        self._require_peer()
-        faults, draw = self.faults, self._random.random
-        if faults.cut or draw() < faults.loss:
-            return
-        self.stray += draw() < faults.garble
-        for _ in range(2 if draw() < faults.duplicate else 1):
-            late_s = LATE_S if draw() < faults.reorder else 0.0
-            self._flying.append((now_s + faults.delay_s + late_s, message))
-
-    def receive(self, now_s: float) -> list[M]:
-        """Return what has arrived, earliest first."""
-        self._require_peer()
-        if self.faults.cut:
-            self._flying.clear()
-        due = sorted((each for each in self._flying if each[0] <= now_s + 1e-6), key=lambda each: each[0])
-        self._flying = [each for each in self._flying if each[0] > now_s + 1e-6]
-        self.arrived_s = {id(message): at_s for at_s, message in due}
-        return [message for _, message in due]
-
-    def _require_peer(self) -> None:
-        if self.faults.gone:
-            self._flying.clear()
-            raise ConnectionRefusedError("nobody is at the other end")
 
 
 class Intent(NamedTuple):
@@ -138,6 +79,7 @@ class Vehicle:
         self.drive = Drive(built(spec, self.limits), world.period_s)
         self.periods, self.stalls_until_s = 0, 0.0
         self.seized = False
+        self.intruded_until_s = 0.0
         self.begin()
         world.set_control(spec.id, self.control)
 
@@ -220,6 +162,7 @@ class WireRobot(Robot):
     # What is wrong with some is that nothing says when the program that simulates a robot has ended.
     fleet_says_lost: ClassVar[bool] = True
     truth_says_ended: ClassVar[bool] = True
+    truth_says_on: ClassVar[bool] = True
 
     def __init__(self, spec: RobotSpec, clock: VirtualClock, vehicle: Vehicle) -> None:
         super().__init__(spec, clock)
@@ -278,7 +221,13 @@ class WireRobot(Robot):
     def _hand_over(self, to: Controller) -> None:
         self.want(in_charge=to, goal=self.wanted.goal if to is self.wanted.in_charge else None)
 
+    def intruded(self) -> bool:
+        """Whether another program is heard to move the robot."""
+        return self.clock.now() < self.vehicle.intruded_until_s
+
     def _renew_lease(self) -> None:
+        if self.intruded():
+            raise Intruder("another program moves it")
         self.want(renew=True)
 
     def _halt(self) -> None:
@@ -297,9 +246,13 @@ class Moving:
         self.world = world
         self.clock = clock
         self.ended_s: float | None = None
+        self.says_on = True
 
     def report(self) -> TruthReport:
-        return replace(self.world.truth.report(), ended_s=self.ended_s)
+        ended_s = self.ended_s
+        if not self.says_on:
+            self.ended_s = None
+        return replace(self.world.truth.report(), ended_s=ended_s)
 
     def pose(self, robot_id: int) -> tuple[float, float, float]:
         world, index = self.world, self.world.index(robot_id)
@@ -378,6 +331,7 @@ class WireHarness(Harness):
         def kill() -> None:
             off()
             truth.ended_s = self.clock.now() if self.kind.truth_says_ended else None
+            truth.says_on = self.kind.truth_says_on
 
         return Killable(fleet, kill)
 
@@ -433,6 +387,9 @@ class WireHarness(Harness):
 
     def seize(self, robot_id: int) -> None:
         self.vehicles[robot_id].seized = True
+
+    def intrude(self, robot_id: int, seconds: float) -> None:
+        self.vehicles[robot_id].intruded_until_s = self.clock.now() + seconds
 
     def _all(self, **faults: float) -> None:
         for vehicle in self.vehicles.values():

@@ -7,9 +7,10 @@ import subprocess
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
 
@@ -20,11 +21,14 @@ from soter.adapters.ros2.simulator import Domain, Ros2Simulator
 from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
 from soter.conformance.harness import LIMITS, Harness, Killable, Switchable
 from soter.conformance.impaired import ImpairedRelay, Line
-from soter.onboard.wire import CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
+from soter.onboard.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import Fleet, RobotSpec, Waypoint
 
 FAR: Final = "/far"
 """Prefix of a robot's namespace on SOTER's side of the relay."""
+
+_INTRUDES_M_S: Final = 0.05
+_INTRUDES_EVERY_S: Final = 0.05
 
 
 class _Topic(NamedTuple):
@@ -56,10 +60,30 @@ class Ros2Relay(ImpairedRelay):
     def __init__(self, domain_id: int, namespaces: dict[int, str]) -> None:
         super().__init__()
         self._graph: Final = Graph(domain_id, use_sim_time=False, on_loopback=True)
-        node = self._graph.node("/relay")
+        self._namespaces: Final = namespaces
+        self._node: Final = self._graph.node("/relay")
         for robot_id, namespace in namespaces.items():
             for topic in _TOPICS:
-                self._connect(robot_id, node, namespace, topic)
+                self._connect(robot_id, self._node, namespace, topic)
+
+    def intrude(self, robot_id: int, seconds: float) -> None:
+        """Have a node beside SOTER publish velocities for a base, past its mux, on both sides; then it leaves."""
+        said = [
+            self._node.create_publisher(Twist, f"{side}{self._namespaces[robot_id]}/{CMD_VEL}", COMMAND)
+            for side in ("", FAR)
+        ]
+
+        def drive(message: bytes) -> None:
+            for each in said:
+                each.publish(message)
+
+        def leave(_: bytes) -> None:
+            for each in said:
+                self._node.destroy_publisher(each)
+
+        message, times = serialize_message(Twist(linear=Vector3(x=_INTRUDES_M_S))), round(seconds / _INTRUDES_EVERY_S)
+        self.say(Line(robot_id, drive), message, times, _INTRUDES_EVERY_S)
+        self.say(Line(robot_id, leave), b"", after_s=seconds)
 
     def close(self) -> None:
         super().close()
@@ -115,6 +139,11 @@ class Ros2Harness(RelayedHarness):
         """Restart a robot's base and mux; the world goes on."""
         assert isinstance(self.simulator, Ros2Simulator)
         self.simulator.restart(robot_id)
+
+    def intrude(self, robot_id: int, seconds: float) -> None:
+        """Have another node publish velocities for a base, past its mux."""
+        assert isinstance(self.relay, Ros2Relay)
+        self.relay.intrude(robot_id, seconds)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

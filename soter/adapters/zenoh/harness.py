@@ -12,6 +12,7 @@ from typing import Final
 import zenoh
 
 from soter.adapters.zenoh.backend import ZenohBackend
+from soter.adapters.zenoh.messages import Twist, Vector3, encode
 from soter.adapters.zenoh.options import Keys, ZenohConfig, ZenohRobotOptions
 from soter.adapters.zenoh.session import SessionOptions, close_session, endpoints, open_session
 from soter.adapters.zenoh.simulator import ZenohSimulator
@@ -24,6 +25,8 @@ from soter.sdk import Fleet, Waypoint, program
 _TO_ROBOT: Final = ("order", "cmd_vel_ac", "cmd_vel_sc")
 _TO_SOTER: Final = ("odom", "battery", "gate")
 _AT_ONCE: Final = 256
+_INTRUDES_M_S: Final = 0.05
+_INTRUDES_EVERY_S: Final = 0.05
 
 
 class ZenohRelay(ImpairedRelay):
@@ -41,12 +44,14 @@ class ZenohRelay(ImpairedRelay):
     ) -> None:
         super().__init__()
         self._sessions: Final[list[zenoh.Session]] = []
+        self._bases: Final[dict[int, tuple[Voice, Voice]]] = {}
         try:
             for options in (there, here):
                 self._sessions.append(open_session(options))
             robots, self.session = self._sessions
             for robot_id, namespace in namespaces.items():
                 near, far = Keys().of(namespace), Keys().of(prefix + namespace)
+                self._bases[robot_id] = Voice(robots, near.cmd_vel), Voice(self.session, far.cmd_vel)
                 for name in _TO_ROBOT:
                     self._connect(robot_id, self.session, getattr(far, name), robots, getattr(near, name))
                 for name in _TO_SOTER:
@@ -54,6 +59,17 @@ class ZenohRelay(ImpairedRelay):
         except BaseException:
             self.close()
             raise
+
+    def intrude(self, robot_id: int, seconds: float) -> None:
+        """Have a program beside SOTER publish velocities for a base, past its mux, which SOTER hears."""
+        voices = self._bases[robot_id]
+
+        def drive(message: bytes) -> None:
+            for voice in voices:
+                voice.say_bytes(message)
+
+        line = Line(robot_id, drive)
+        self.say(line, encode(Twist(Vector3(x=_INTRUDES_M_S))), round(seconds / _INTRUDES_EVERY_S), _INTRUDES_EVERY_S)
 
     def close(self) -> None:
         super().close()
@@ -102,6 +118,11 @@ class ZenohHarness(RelayedHarness):
         """Restart a robot's base and mux; the world goes on."""
         assert isinstance(self.simulator, ZenohSimulator)
         self.simulator.restart(robot_id)
+
+    def intrude(self, robot_id: int, seconds: float) -> None:
+        """Have another program publish velocities for a base, past its mux."""
+        assert isinstance(self.relay, ZenohRelay)
+        self.relay.intrude(robot_id, seconds)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

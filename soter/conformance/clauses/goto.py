@@ -214,6 +214,7 @@ def heading(bench: Bench) -> None:
         (turn(0.0, bench.home(robot)[2] + 1.8),
          "the heading was dropped (raise Unsupported), or its sign or zero is another frame's"),
         (0.0, "a heading of 0.0, east, is taken for none: ask `is None`"),
+        (math.pi / 2.0, "north, the 0 of a compass, is taken for none: ask `is None`"),
         (1.3 * math.pi, "a heading beyond pi is cut off or dropped: wrap it"),
         (-0.8, "a negative heading is cut off, or loses its sign; or those of the SC's goals are dropped"),
     )  # fmt: skip

@@ -10,12 +10,15 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import turn
-from soter.errors import SoterError
+from soter.errors import Intruder, SoterError
 from soter.sdk import Controller, Link, Robot
 
 _MANY_TIMES = 25
 _READY_S = 2.0
 _SEIZED_S = 4.0
+_NOTICED_S = 1.5
+_INTRUDED_S = 2.5
+_RAISED_TIMES = 4
 
 
 @clause("authority.one_program", tier=Tier.WIRE)
@@ -100,6 +103,36 @@ def seized(bench: Bench) -> None:
             "see that it has lost it",
         )
         robot.goto(bench.place(robot, -0.5), Controller.AC)
+
+
+@clause("authority.intruded", tier=Tier.WIRE)
+def intruded(bench: Bench) -> None:
+    """While another program moves a robot past SOTER its renew_lease() raises Intruder; later the robot obeys again."""
+    bench.require_hook("intrude")
+    robot = bench.open_one()
+    bench.faulty = True
+    bench.harness.intrude(robot.id, _NOTICED_S + _INTRUDED_S)
+    bench.run(_NOTICED_S, renew=False)
+    raised = renewed = 0
+
+    def try_to_renew() -> bool:
+        nonlocal raised, renewed
+        try:
+            robot.renew_lease()
+            renewed += 1
+        except Intruder:
+            raised += 1
+        return False
+
+    bench.run(_INTRUDED_S - 0.5, try_to_renew, renew=False)
+    bench.require(
+        renewed <= raised / _RAISED_TIMES,
+        f"another program moves the robot past its supervisor, and {renewed} of {renewed + raised} calls of "
+        "renew_lease() renew the lease: nobody learns that the robot is not SOTER's; raise Intruder as long as that "
+        "program goes on, by the clock that it was heard by",
+    )
+    bench.run(0.5 + _NOTICED_S, renew=False)
+    bench.go(robot, bench.place(robot, 0.5), cause="another program that moved it is gone, and it obeys no more")
 
 
 def _renews(robot: Robot) -> bool:
