@@ -121,7 +121,7 @@ def _figure(figure: Figure) -> str:
     value, bound = figure.value, figure.bound
     if bound is None:
         return f"{figure.name} {value:.3g}"
-    return f"{figure.name} {value:.3g} of {bound:.3g}"
+    return f"{figure.name} {value:.3g} of {'at least ' if figure.at_least else ''}{bound:.3g}"
 
 
 def print_list(console: Console, clauses: list[Clause]) -> None:

@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from typing import Any, Final
 
+from soter.clock import VehicleClock
 from soter.sdk import RobotState
 from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
@@ -49,6 +50,20 @@ def _in_turn(self: Any, now_s: float, *state: float) -> tuple[float, float]:
         return Vehicle.control(self, now_s, *state)
     finally:
         self.up = kept
+
+
+def _reverses_for_free(robot: Any, state: RobotState) -> RobotState:
+    """Give back what was used of the charge while it drove backwards."""
+    last, given = memory(robot, "last", lambda: [state.battery or 0.0]), memory(robot, "given", lambda: [0.0])
+    if math.cos(state.heading_rad) * state.vx_m_s + math.sin(state.heading_rad) * state.vy_m_s < 0.0:
+        given[0] += last[0] - (state.battery or 0.0)
+    last[0] = state.battery or 0.0
+    return state._replace(battery=last[0] + given[0])
+
+
+def _learns_fast(robot: Any, timeout_s: float) -> Any:
+    robot.learned = VehicleClock(rate_tolerance=0.05, steady=robot.clock.now)
+    return BrokenWire._connect(robot, timeout_s)
 
 
 def _stops_if_told_itself(self: Any, intent: Intent, clock_s: float) -> None:
@@ -110,6 +125,8 @@ OUTAGES: Final[tuple[type[Broken], ...]] = (
              lambda self, to: to._replace(heading_rad=_NORTH if to.heading_rad is None else to.heading_rad)),
     targeted("NoNorth", "Takes the heading of exactly north, the 0 of a compass, for none.", "goto.heading",
              "0 of a compass", lambda self, to: to._replace(heading_rad=None) if to.heading_rad == _NORTH else to),
+    sampled("ReversesForFree", "Says a charge that does not fall while it drives backwards.", "state.backwards",
+            "negative counts for none", _reverses_for_free),
     sampled("StampedWhenRead", "Stamps a sample with the time at which it is read, also between two periods.",
             "state.stamps", "time at which it is read", lambda self, state: state._replace(stamp_s=self.clock.now())),
     edited("ForgetsTheCap", "Drives the last centimetres without the cap of its goal.", "goto.speed_cap",
@@ -136,6 +153,8 @@ OUTAGES_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           "authority.intruded", "nobody learns", intruded=lambda self: False),
     wired("EndsOnce", "Says once that its truth has ended.", "process.lost", "whoever asks at the end",
           truth_says_on=False),
+    wired("TakesSlowLinksForClocks", "Takes a link that has become slow for a clock that is, by 5 % of the time.",
+          "link.delay", "taken for a slow clock", _connect=_learns_fast),
     driven("RefusesToRestart", "Goes on as before when it is told to restart.", "deadman.restart", "refuses to restart",
            restart=lambda self: None),
 )  # fmt: skip

@@ -17,6 +17,7 @@ _LOST_S = 4.0
 _PATIENCE_S = 2.0
 _SILENT_S = 2.0
 _SLACK_S = 1.0
+_STAYS_SLOW_S = 3.0
 # Spread so that an adapter that doubles its waits between tries is waiting at the end of one of these outages.
 _OFF_S = (1.0, 13.0, 19.0)
 _WAITS_S = 0.25
@@ -336,6 +337,14 @@ def delay(bench: Bench) -> None:
         "robot can have heard of it: that is what was sent, and not what the robot says",
     )
     robot.switch_ac_sc(Controller.AC, "conformance")
+    bench.run(_STAYS_SLOW_S)
+    still_s = min(latest_ages_s(bench, robot)) - before_s
+    bench.require(
+        still_s >= 0.5 * late_s - TICK_S / 2,
+        f"a while after every message became {late_s:.3f} s later samples are said to be {still_s:.3f} s older, and "
+        f"{grown_s:.3f} s at first: the slow link is taken for a slow clock within seconds; let the offset of a clock "
+        "rise by what clocks may differ, and by no more the longer a session lasts",
+    )
     # Shorter than the lease: a vehicle may refuse renewals that are older.
     bench.harness.delay(0.25 * bench.caps.lease_s)
     arrives(bench, robot, "a delay of a quarter of the lease")

@@ -31,6 +31,7 @@ _VELOCITY = 0.05
 _TURNED_RAD = 0.01
 _ROUND_RAD = 0.6
 _STOPS, _STOP_OFF_M = 2, 2e-4
+_COSTS = 0.5
 _ASIDE, _EVEN, _STEERS_S = 0.12, 0.7, 1.5
 _CREEPS, _CREEPS_S = 0.1, 3.0
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
@@ -299,7 +300,22 @@ def backwards(bench: Bench) -> None:
         )
     if not bench.truth:
         moves_as_said(bench, bench.tracks[robot.id])
+        _costs_what_forwards_costs(bench, robot, began)
     _steers_backwards_as_said(bench, robot)
+
+
+def _costs_what_forwards_costs(bench: Bench, robot: Robot, began: TrackSample) -> None:
+    """Judge what the way back has cost of the charge, of robots in process, whose batteries are as they were asked."""
+    now = bench.look(robot)
+    before, after = began.state.battery, now.state.battery
+    if not bench.caps.in_process or before is None or after is None:
+        return
+    least = _COSTS * began.distance_m(now.x_m, now.y_m) / (bench.caps.v_max_m_s * robot.spec.drive_s)
+    bench.require(
+        before - after >= least,
+        f"its way back has cost {before - after:.5f} of its charge, and forwards it costs {least / _COSTS:.5f}: a "
+        "speed that is negative counts for none, or charges it",
+    )
 
 
 def _steers_backwards_as_said(bench: Bench, robot: Robot) -> None:
