@@ -31,7 +31,7 @@ _VELOCITY = 0.05
 _TURNED_RAD = 0.01
 _ROUND_RAD = 0.6
 _STOPS, _STOP_OFF_M = 2, 2e-4
-_COSTS = 0.5
+_COSTS = 0.9
 _ASIDE, _EVEN, _STEERS_S = 0.12, 0.7, 1.5
 _CREEPS, _CREEPS_S = 0.1, 3.0
 _SQUARE = ((0.3, 0.0), (0.3, 0.3), (0.0, 0.3), (0.0, 0.0))
@@ -305,15 +305,23 @@ def backwards(bench: Bench) -> None:
 
 
 def _costs_what_forwards_costs(bench: Bench, robot: Robot, began: TrackSample) -> None:
-    """Judge what the way back has cost of the charge, of robots in process, whose batteries are as they were asked."""
-    now = bench.look(robot)
-    before, after = began.state.battery, now.state.battery
-    if not bench.caps.in_process or before is None or after is None:
+    """Judge what driving backwards costs of the charge, of robots in process, whose batteries are as they were asked."""
+    half_m = 0.5 * began.distance_m(*bench.true_place(robot))
+    # Its start may be a charger.
+    driven = [
+        each
+        for each in bench.tracks[robot.id]
+        if began.distance_m(each.x_m, each.y_m) > half_m and each.speed_m_s > _EVEN * bench.caps.v_max_m_s
+    ]
+    if not bench.caps.in_process or not driven:
         return
-    least = _COSTS * began.distance_m(now.x_m, now.y_m) / (bench.caps.v_max_m_s * robot.spec.drive_s)
+    before, after = driven[0].state.battery, driven[-1].state.battery
+    if before is None or after is None:
+        return
+    forwards = driven[0].distance_m(driven[-1].x_m, driven[-1].y_m) / (bench.caps.v_max_m_s * robot.spec.drive_s)
     bench.require(
-        before - after >= least,
-        f"its way back has cost {before - after:.5f} of its charge, and forwards it costs {least / _COSTS:.5f}: a "
+        before - after >= _COSTS * forwards,
+        f"a part of its way back has cost {before - after:.5f} of its charge, and forwards it costs {forwards:.5f}: a "
         "speed that is negative counts for none, or charges it",
     )
 
