@@ -305,7 +305,7 @@ def backwards(bench: Bench) -> None:
 
 
 def _costs_what_forwards_costs(bench: Bench, robot: Robot, began: TrackSample) -> None:
-    """Judge what driving backwards costs of the charge, of robots in process, whose batteries are as they were asked."""
+    """Judge what driving backwards costs of the charge of robots in process, whose batteries are as they were asked."""
     half_m = 0.5 * began.distance_m(*bench.true_place(robot))
     # Its start may be a charger.
     driven = [
