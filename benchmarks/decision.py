@@ -1,12 +1,14 @@
 """What one decision of each module costs, against the least that any Python function could do with the same sample.
 
 The decisions are those of the surveillance mission's own modules, on robots all over the workspace that their AC
-may keep; the reference is a call that computes one `math.hypot` of the position. Modules whose margin falls as robots
-move are measured with every reach model that a mission may choose.
+may keep; for the battery's, on a robot that drives on and on, with its return path kept up to date, as in a run. The
+reference is a call that computes one `math.hypot` of the position. Modules whose margin falls as robots move are
+measured with every reach model that a mission may choose.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 import statistics
@@ -23,12 +25,18 @@ from soter.geometry.workspace import Workspace
 from soter.rta import DecisionModule, Situation
 from soter.sdk import Controller, Link, RobotSpec, RobotState
 from soter.stack.assembly import assemble
+from soter.stack.battery import ChargeForTheWayHome
+from soter.stack.return_path import ReturnPath
+from soter.stack.site_terrain import terrain_of
 
 GOAL_US = 5.0
 TUBE_GOAL_US = 20.0
 """With a reach model that looks at how robots move."""
 
 INIT_TIMEOUT_S = 10.0
+TICK_S = 0.05
+SPEED_M_S = 0.22
+KEPT_M = 0.45
 MOVING = ("collision", "obstacle", "geofence")
 TUBES: tuple[MotionModel, ...] = ("speed-acceleration", "unicycle")
 
@@ -75,6 +83,45 @@ def situations(workspace: Workspace, modules: Sequence[DecisionModule], count: i
     return found
 
 
+def drive(workspace: Workspace) -> Iterator[Situation]:
+    """Yield what robot 1 sees, tick by tick, where no module takes it from its AC; robot 2 stands on its station."""
+    stream, terrain = random.Random(1), terrain_of(workspace, 0.105)
+    x, y = workspace.robots[0].charger.centre
+    beside, heading = workspace.robots[1].charger.centre, 0.5
+    for tick in itertools.count():
+        ahead = x + 0.3 * math.cos(heading), y + 0.3 * math.sin(heading)
+        near_m = min(terrain.clearance_m(*ahead), terrain.fence_m(*ahead), math.dist(ahead, beside) - 0.6)
+        heading += 0.2 if near_m < KEPT_M else stream.uniform(-0.05, 0.05)
+        x, y = x + SPEED_M_S * TICK_S * math.cos(heading), y + SPEED_M_S * TICK_S * math.sin(heading)
+        situation = Situation(1, _state(1, x, y, heading, tick * TICK_S), tick * TICK_S)
+        situation.peers = [_state(2, *beside, 0.0, tick * TICK_S)]
+        yield situation
+
+
+def _state(robot_id: int, x_m: float, y_m: float, heading_rad: float, stamp_s: float) -> RobotState:
+    speed_m_s = SPEED_M_S if robot_id == 1 else 0.0
+    return RobotState(
+        robot_id, stamp_s, stamp_s, x_m, y_m, 0.0, math.remainder(heading_rad, math.tau),
+        speed_m_s * math.cos(heading_rad), speed_m_s * math.sin(heading_rad), 0.0, 1.0, Controller.AC, None, Link.UP,
+    )  # fmt: skip
+
+
+def of_battery(module: DecisionModule) -> bool:
+    """Return whether a module is about the way home."""
+    return isinstance(module.module.phi_safe, ChargeForTheWayHome)
+
+
+def judge_of(module: DecisionModule) -> Callable[[Situation], object]:
+    """Return what judges at every tick; the battery's module has the return path kept for it, as in a run."""
+    about = module.module.phi_safe
+    return partial(_with_path, about.dock.path, module) if isinstance(about, ChargeForTheWayHome) else module.decide
+
+
+def _with_path(path: ReturnPath, module: DecisionModule, view: Situation) -> None:
+    path.track(view.own.x_m, view.own.y_m)
+    module.decide(view)
+
+
 def _fires(module: DecisionModule, situation: Situation) -> bool:
     module.mode = Controller.AC
     return module.decide(situation)
@@ -102,15 +149,17 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
     quick = arguments(__doc__ or "", argv).quick
     count, rounds = (20, 2) if quick else (2000, 25)
     with bound_modules() as (workspace, modules), ExitStack() as stack:
-        judges = {module.name: module for module in modules}
+        found = {module.name: module for module in modules}
         for model in TUBES:
             _, tubes = stack.enter_context(bound_modules(model))
-            judges |= {f"{module.name}, {model}": module for module in tubes if module.name in MOVING}
+            found |= {f"{module.name}, {model}": module for module in tubes if module.name in MOVING}
         views = situations(workspace, modules, count)
-        for judge in judges.values():
-            judge.mode = Controller.AC
+        driven = [*itertools.islice(drive(workspace), count)]
+        for module in found.values():
+            module.mode = Controller.AC
         sides: dict[str, Callable[[], float]] = {"reference": partial(median_us, reference, views)}
-        sides |= {name: partial(median_us, judge.decide, views) for name, judge in judges.items()}
+        for name, module in found.items():
+            sides[name] = partial(median_us, judge_of(module), driven if of_battery(module) else views)
         times = in_turns(sides, rounds)
     medians = {name: statistics.median(each) for name, each in times.items()}
     plain_us = medians.pop("reference")

@@ -22,6 +22,8 @@ from soter.runner import run_mission
 AREA_M2 = 15.0
 SIZES = (2, 8, 16, 32, 64)
 GOAL = 1.5
+BATTERY_S = 36000.0
+"""So long a battery lasts: the more robots, the longer each may have to wait on its way home."""
 
 _CHARGER_M = 0.2
 _BOX_M = 0.25
@@ -58,6 +60,7 @@ def mission_file(folder: Path, robots: int) -> Path:
     path = folder / f"{robots}.toml"
     path.write_text(
         f'workspace = "{robots}.xml"\nbackend = "kinematic"\nplanner = "straight-line"\ntargets = "uniform"\n'
+        f"battery.drive_s = {BATTERY_S}\nbattery.idle_s = {4.0 * BATTERY_S}\n"
     )
     return path
 

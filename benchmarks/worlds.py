@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import random
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -19,7 +18,7 @@ from statistics import median
 import numpy as np
 
 from benchmarks.common import ROOT, SURVEILLANCE, Row, arguments, in_turns, show
-from benchmarks.decision import bound_modules
+from benchmarks.decision import bound_modules, drive, judge_of
 from soter.config import MissionFile, load_mission
 from soter.geometry.cells import pack
 from soter.geometry.draft import Draft, Outline, Spot, circle, site_of
@@ -28,10 +27,7 @@ from soter.geometry.site import as_box
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.rta import DecisionModule, Situation
 from soter.runner import run_mission
-from soter.sdk import Controller, Link, RobotState
-from soter.stack.battery import ChargeForTheWayHome
-from soter.stack.return_path import ReturnPath
-from soter.stack.site_terrain import terrain_of
+from soter.sdk import Controller
 
 EDGES = 2000
 CELLS = 4000
@@ -42,9 +38,6 @@ DRIVE_S = 14400.0
 
 GOAL = 1.5
 FACTORS = {"straight-line": 400.0, "ompl-bitstar": 250.0}
-TICK_S = 0.05
-SPEED_M_S = 0.22
-KEPT_M = 0.45
 PATROL = ROOT / "examples" / "worlds" / "patrol.toml"
 
 
@@ -94,43 +87,6 @@ def of_boxes() -> Workspace:
     return Workspace(50.0, 50.0, boxes, tuple(places))
 
 
-def drive(workspace: Workspace) -> Iterator[Situation]:
-    """Yield what robot 1 sees, tick by tick, where no module takes it from its AC; robot 2 stands on its station."""
-    stream, terrain = random.Random(1), terrain_of(workspace, 0.105)
-    x, y = workspace.robots[0].charger.centre
-    beside, heading = workspace.robots[1].charger.centre, 0.5
-    for tick in itertools.count():
-        ahead = x + 0.3 * math.cos(heading), y + 0.3 * math.sin(heading)
-        near_m = min(terrain.clearance_m(*ahead), terrain.fence_m(*ahead), math.dist(ahead, beside) - 0.6)
-        heading += 0.2 if near_m < KEPT_M else stream.uniform(-0.05, 0.05)
-        x, y = x + SPEED_M_S * TICK_S * math.cos(heading), y + SPEED_M_S * TICK_S * math.sin(heading)
-        situation = Situation(1, _state(1, x, y, heading, tick * TICK_S), tick * TICK_S)
-        situation.peers = [_state(2, *beside, 0.0, tick * TICK_S)]
-        yield situation
-
-
-def _state(robot_id: int, x_m: float, y_m: float, heading_rad: float, stamp_s: float) -> RobotState:
-    speed_m_s = SPEED_M_S if robot_id == 1 else 0.0
-    return RobotState(
-        robot_id, stamp_s, stamp_s, x_m, y_m, 0.0, math.remainder(heading_rad, math.tau),
-        speed_m_s * math.cos(heading_rad), speed_m_s * math.sin(heading_rad), 0.0, 1.0, Controller.AC, None, Link.UP,
-    )  # fmt: skip
-
-
-def judges(modules: Sequence[DecisionModule]) -> dict[str, Callable[[Situation], object]]:
-    """Return what judges at every tick, by module; the battery's has the return path kept for it, as in a run."""
-    found: dict[str, Callable[[Situation], object]] = {module.name: module.decide for module in modules}
-    for module in modules:
-        if isinstance(module.module.phi_safe, ChargeForTheWayHome):
-            found[module.name] = partial(_with_path, module.module.phi_safe.dock.path, module)
-    return found
-
-
-def _with_path(path: ReturnPath, module: DecisionModule, view: Situation) -> None:
-    path.track(view.own.x_m, view.own.y_m)
-    module.decide(view)
-
-
 def one_drive(
     asked: dict[str, Callable[[Situation], object]], modules: Sequence[DecisionModule], views: Iterator[Situation],
     ticks: int,
@@ -159,7 +115,9 @@ def decisions(shapes: Mapping[str, Workspace], ticks: int, rounds: int) -> dict[
             start_s = time.process_time()
             workspace, modules = stack.enter_context(bound_modules(workspace=shape, drive_s=DRIVE_S))
             times["binding"][name] = [(time.process_time() - start_s) * 1e6]
-            sides[name] = partial(one_drive, judges(modules), modules, drive(workspace), ticks)
+            sides[name] = partial(
+                one_drive, {each.name: judge_of(each) for each in modules}, modules, drive(workspace), ticks
+            )
         for turn in range(rounds):
             for name in list(sides)[:: 1 if turn % 2 else -1]:
                 for asked, us in sides[name]().items():
