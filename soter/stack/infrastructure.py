@@ -78,24 +78,32 @@ def shut_in_by(path: ReturnPath, unoccupied: Callable[[], ReturnPath], stations:
     """
     edges, shut_in = [*chain(*stations)], [False] * len(stations)
     for index, station in enumerate(stations):
-        kept = [
-            (x, y)
-            for x, y in _beside(station)
-            if path.fits(x, y) and not any(each[0] < x < each[2] and each[1] < y < each[3] for each in edges)
-        ]
-        if lost := [place for place in kept if path.shortest_m(*place) == math.inf]:
+        if lost := [*_lost(path, station, edges)]:
             free = unoccupied()
             shut_in[index] = any(free.shortest_m(*place) < math.inf for place in lost)
     return sum(shut_in)
 
 
+def _lost(path: ReturnPath, station: Sequence[Rectangle], edges: Sequence[Rectangle]) -> Iterator[Point]:
+    """Yield places beside rectangles that fit and have no return path."""
+    leads_back: Point | None = None
+    for x, y in _beside(station):
+        if not path.fits(x, y) or any(each[0] < x < each[2] and each[1] < y < each[3] for each in edges):
+            continue
+        # To look whether the last one with a path is in sight is much quicker than to look for a path.
+        if (leads_back is not None and path.sees((x, y), leads_back)) or path.shortest_m(x, y) < math.inf:
+            leads_back = x, y
+        else:
+            yield x, y
+
+
 def _beside(station: Sequence[Rectangle]) -> Iterator[Point]:
-    """Yield places all around rectangles, corners included."""
+    """Yield places all around rectangles, corners included, side by side."""
     for low_x, low_y, high_x, high_y in station:
         along_x = np.linspace(low_x, high_x, 1 + math.ceil((high_x - low_x) / _LOOK_M)).tolist()
         along_y = np.linspace(low_y, high_y, 1 + math.ceil((high_y - low_y) / _LOOK_M)).tolist()
-        yield from ((x, y) for x in along_x for y in (low_y - _BESIDE_M, high_y + _BESIDE_M))
-        yield from ((x, y) for y in along_y for x in (low_x - _BESIDE_M, high_x + _BESIDE_M))
+        yield from ((x, y) for y in (low_y - _BESIDE_M, high_y + _BESIDE_M) for x in along_x)
+        yield from ((x, y) for x in (low_x - _BESIDE_M, high_x + _BESIDE_M) for y in along_y)
 
 
 def check_infrastructure(

@@ -121,6 +121,10 @@ class ReturnPath:
         x, y = self.entry(x_m, y_m)
         return self.fits(x, y) and self.shortest_m(x, y) < math.inf
 
+    def sees(self, here: Point, there: Point) -> bool:
+        """Return whether a narrow path leads straight from one place to another."""
+        return self.narrow.roadmap.sees(*here, *there)
+
     def fits(self, x_m: float, y_m: float) -> bool:
         """Return whether a place is as far from fence and boxes as narrow paths are."""
         return self._spare_m(x_m, y_m) >= -_ROUNDING_M
