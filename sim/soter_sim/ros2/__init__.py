@@ -2,9 +2,9 @@
 
 Each robot has a namespace with the topics of a real base: `odom` (nav_msgs/Odometry, 30 Hz), `battery_state`
 (sensor_msgs/BatteryState, 2 Hz) and `cmd_vel` (geometry_msgs/Twist, or TwistStamped); it stops 0.2 s after the last
-velocity. `/clock` shows the world's time at 60 Hz, and `clock` in the namespace the robot's own, which only a restart
-parts from it. SOTER is not part of it: the mux in front of `cmd_vel`, which is
-started beside it, one process for each robot, decides which controller drives.
+velocity. `/clock` shows the world's time at 60 Hz, and `clock` in the namespace the robot's own, which faults part from
+it. SOTER is not part of it: the mux in front of `cmd_vel`, which is started beside it, one process for each robot,
+decides which controller drives.
 
 The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
 `soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT"}`, the address of
