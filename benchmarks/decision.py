@@ -27,6 +27,7 @@ from soter.sdk import Controller, Link, RobotSpec, RobotState
 from soter.stack.assembly import assemble
 from soter.stack.battery import ChargeForTheWayHome
 from soter.stack.return_path import ReturnPath
+from soter.stack.right_of_way import BATTERY
 from soter.stack.site_terrain import terrain_of
 
 GOAL_US = 5.0
@@ -106,11 +107,6 @@ def _state(robot_id: int, x_m: float, y_m: float, heading_rad: float, stamp_s: f
     )  # fmt: skip
 
 
-def of_battery(module: DecisionModule) -> bool:
-    """Return whether a module is about the way home."""
-    return isinstance(module.module.phi_safe, ChargeForTheWayHome)
-
-
 def judge_of(module: DecisionModule) -> Callable[[Situation], object]:
     """Return what judges at every tick; the battery's module has the return path kept for it, as in a run."""
     about = module.module.phi_safe
@@ -159,7 +155,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, float]:
             module.mode = Controller.AC
         sides: dict[str, Callable[[], float]] = {"reference": partial(median_us, reference, views)}
         for name, module in found.items():
-            sides[name] = partial(median_us, judge_of(module), driven if of_battery(module) else views)
+            sides[name] = partial(median_us, judge_of(module), driven if module.name == BATTERY else views)
         times = in_turns(sides, rounds)
     medians = {name: statistics.median(each) for name, each in times.items()}
     plain_us = medians.pop("reference")

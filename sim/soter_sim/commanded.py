@@ -6,10 +6,10 @@ To support a wire, write a subclass of `CommandedEndpoint` and a module that cal
 python -m MODULE [WORKSPACE.xml] [--at JSON] [--truth-port PORT] [--parent PID]
 ```
 
-Without a workspace the world comes as JSON on standard input. The first line printed is JSON:
-`{"robots": {"1": ADDRESS}, "truth": "127.0.0.1:PORT", "control": PORT}`: the robots' addresses, that of
-`soter_sim.truth_server`, and the port of `soter_sim.faults`. `soter.sdk.wire.Simulator` starts it so. `--at` takes the
-addresses that an earlier simulator printed.
+Without a workspace the world comes as JSON on standard input. The first line printed is JSON: `{"robots": {"1":
+ADDRESS}, "truth": "127.0.0.1:PORT", "control": {...}}`: the robots' addresses, that of `soter_sim.truth_server`, and
+how to reach `soter_sim.faults`. `soter.sdk.wire.Simulator` starts it so. `--at` takes the addresses that an earlier
+simulator printed.
 """
 
 from __future__ import annotations
@@ -43,7 +43,6 @@ LEASE_S: Final = 0.15
 
 _BOOT_APART_S: Final = 1000.0
 """Difference between the clocks of successive robots, so that one cannot be mistaken for another."""
-
 
 logger = logging.getLogger(__name__)
 
@@ -202,4 +201,4 @@ def run(module: str, what: str, make: Make) -> None:
         robots = [RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad) for each in workspace.robots]
     ended = Ending(given.parent)
     endpoint = make(workspace, robots, limits, given.truth_port, {int(number): at for number, at in given.at.items()})
-    serve(endpoint, ended, robots=dict(endpoint.addresses), control=endpoint.faults.number)
+    serve(endpoint, ended, robots=dict(endpoint.addresses), control=endpoint.faults.control)

@@ -1,16 +1,22 @@
 """Takes faults for simulated robots, as tests ask for them, on a UDP port of this host.
 
-A message is JSON, such as `{"robot": 1, "step_clock_s": -30.0}`, `{"robot": 1, "stop_clock": true}` or
-`{"robot": 1, "restart": true}`; `soter.sdk.program.Faults` sends them.
+A message is JSON: the key that only who has started the robots is told, the number of one, and what is to happen, such
+as `{"key": "5f1c", "robot": 1, "step_clock_s": -30.0}`, or with `"stop_clock": true` or `"restart": true`. What makes
+no sense is dropped. `soter.sdk.program.Faults` sends them.
 """
 
 from __future__ import annotations
 
 import json
+import logging
+import secrets
 import socket
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Final, Protocol
+from math import isfinite
+from typing import Any, Final, Protocol
+
+logger = logging.getLogger(__name__)
 
 _MOST_BYTES: Final = 1000
 
@@ -37,27 +43,37 @@ class FaultPort:
 
     def __init__(self, robots: Mapping[int, Faulty]) -> None:
         self._robots: Final = robots
+        self._key: Final = secrets.token_hex(16)
         self._socket: Final = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.bind(("127.0.0.1", 0))
 
     @property
-    def number(self) -> int:
-        """The port's number."""
-        port: int = self._socket.getsockname()[1]
-        return port
+    def control(self) -> dict[str, Any]:
+        """What `soter.sdk.program.Faults` has to know: the port's number and the key."""
+        return {"port": self._socket.getsockname()[1], "key": self._key}
 
     def take(self) -> None:
         """Bring about the faults that were asked for since, without waiting."""
         with suppress(BlockingIOError):
             while True:
-                asked = json.loads(self._socket.recv(_MOST_BYTES))
-                robot = self._robots[asked["robot"]]
-                robot.step_clock(asked.get("step_clock_s", 0.0))
-                if asked.get("stop_clock"):
-                    robot.stop_clock()
-                if asked.get("restart"):
-                    robot.restart()
+                message = self._socket.recv(_MOST_BYTES)
+                try:
+                    self._bring_about(json.loads(message))
+                except (ValueError, TypeError, LookupError, RecursionError) as failure:
+                    logger.warning("dropped a fault that makes no sense: %r", failure)
+
+    def _bring_about(self, asked: dict[str, Any]) -> None:
+        if not secrets.compare_digest(asked["key"], self._key):
+            raise ValueError("another key")
+        robot, seconds = self._robots[asked["robot"]], float(asked.get("step_clock_s", 0.0))
+        if not isfinite(seconds):
+            raise ValueError("a clock that is not finite")
+        robot.step_clock(seconds)
+        if asked.get("stop_clock"):
+            robot.stop_clock()
+        if asked.get("restart"):
+            robot.restart()
 
     def close(self) -> None:
         """Close the port. Idempotent."""

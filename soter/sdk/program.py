@@ -125,11 +125,12 @@ class Faults:
     """Brings faults into simulated robots of this host, each within one of their periods.
 
     Args:
-        port: the UDP port that their simulator prints as `control`; see `soter_sim.faults`.
+        control: what their simulator prints as `control`; see `soter_sim.faults`.
     """
 
-    def __init__(self, port: int) -> None:
-        self._port: Final = port
+    def __init__(self, control: Mapping[str, Any]) -> None:
+        self._port: Final[int] = control["port"]
+        self._key: Final[str] = control["key"]
 
     def step_clock(self, robot_id: int, seconds: float) -> None:
         """Set a robot's own clock forward, or back if negative."""
@@ -145,7 +146,7 @@ class Faults:
 
     def _ask(self, asked: dict[str, object]) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-            out.sendto(json.dumps(asked).encode(), ("127.0.0.1", self._port))
+            out.sendto(json.dumps({**asked, "key": self._key}).encode(), ("127.0.0.1", self._port))
 
 
 def ended(what: str, process: subprocess.Popen[bytes]) -> str:

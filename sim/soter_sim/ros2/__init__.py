@@ -7,6 +7,6 @@ it. SOTER is not part of it: the mux in front of `cmd_vel`, which is started bes
 decides which controller drives.
 
 The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
-`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "control": PORT}`,
-the address of `soter_sim.truth_server` and the port of `soter_sim.faults`.
+`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "control":
+{...}}`, the address of `soter_sim.truth_server` and how to reach `soter_sim.faults`.
 """

@@ -14,7 +14,7 @@ def main() -> None:
     ended = Ending(given.parent)
     namespaces = read_namespaces(given.namespaces)
     endpoint = Endpoint(workspace, robots, namespaces, limits, stamped=given.stamped, truth_port=given.truth_port)
-    serve(endpoint, ended, control=endpoint.faults.number)
+    serve(endpoint, ended, control=endpoint.faults.control)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ Each robot has a namespace with the keys of a ROS 2 robot's base behind zenoh-br
 `cmd_vel`, which is started beside it, one process for each robot, decides which controller drives.
 
 The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
-`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "control": PORT,
-"endpoints": ["tcp/127.0.0.1:PORT"]}`, the address of `soter_sim.truth_server`, the port of `soter_sim.faults`, and
+`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "control": {...},
+"endpoints": ["tcp/127.0.0.1:PORT"]}`, the address of `soter_sim.truth_server`, how to reach `soter_sim.faults`, and
 where its Zenoh session listens.
 """

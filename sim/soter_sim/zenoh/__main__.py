@@ -25,7 +25,7 @@ def main() -> None:
                 workspace, robots, read_namespaces(given.namespaces), session, limits, stamped=given.stamped,
                 truth_port=given.truth_port, speedup=given.speedup,
             )  # fmt: skip
-            serve(endpoint, ended, control=endpoint.faults.number, endpoints=endpoints(session))
+            serve(endpoint, ended, control=endpoint.faults.control, endpoints=endpoints(session))
         finally:
             close_session(session)
 

@@ -18,17 +18,19 @@ from soter.adapters.ros2.backend import Ros2Backend
 from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
 from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
 from soter.adapters.ros2.simulator import Domain, Ros2Simulator
-from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.adapters.velocity_controlled.harness import (
+    INTRUDES_M_S,
+    VelocityControlledHarness,
+    VelocityControlledRelay,
+)
+from soter.conformance import WIDE_ROOMS, in_wide_rooms
 from soter.conformance.harness import LIMITS, Harness, Killable, Switchable
-from soter.conformance.impaired import ImpairedRelay, Line
+from soter.conformance.impaired import Line
 from soter.onboard.wire import CMD_VEL, CMD_VEL_AC, CMD_VEL_SC, GATE, ORDER
 from soter.sdk import Fleet, RobotSpec, Waypoint
 
 FAR: Final = "/far"
 """Prefix of a robot's namespace on SOTER's side of the relay."""
-
-_INTRUDES_M_S: Final = 0.05
-_INTRUDES_EVERY_S: Final = 0.05
 
 
 class _Topic(NamedTuple):
@@ -49,7 +51,7 @@ _TOPICS: Final = (
 )
 
 
-class Ros2Relay(ImpairedRelay):
+class Ros2Relay(VelocityControlledRelay):
     """Passes messages on, both ways.
 
     Args:
@@ -67,7 +69,7 @@ class Ros2Relay(ImpairedRelay):
                 self._connect(robot_id, self._node, namespace, topic)
 
     def intrude(self, robot_id: int, seconds: float) -> None:
-        """Have a node beside SOTER publish velocities for a base, past its mux, on both sides; then it leaves."""
+        # A node that publishes counts as one that may move the robot: at the end it leaves.
         said = [
             self._node.create_publisher(Twist, f"{side}{self._namespaces[robot_id]}/{CMD_VEL}", COMMAND)
             for side in ("", FAR)
@@ -81,8 +83,7 @@ class Ros2Relay(ImpairedRelay):
             for each in said:
                 self._node.destroy_publisher(each)
 
-        message, times = serialize_message(Twist(linear=Vector3(x=_INTRUDES_M_S))), round(seconds / _INTRUDES_EVERY_S)
-        self.say(Line(robot_id, drive), message, times, _INTRUDES_EVERY_S)
+        self.repeat(Line(robot_id, drive), serialize_message(Twist(linear=Vector3(x=INTRUDES_M_S))), seconds)
         self.say(Line(robot_id, leave), b"", after_s=seconds)
 
     def close(self) -> None:
@@ -96,7 +97,7 @@ class Ros2Relay(ImpairedRelay):
         node.create_subscription(topic.kind, heard, lambda message: self.pass_on(line, message), topic.heard, raw=True)
 
 
-class Ros2Harness(RelayedHarness):
+class Ros2Harness(VelocityControlledHarness):
     """Opens simulated robots behind a relay, in a ROS domain of their own, new ones for every fleet."""
 
     name = "ros2"
@@ -119,31 +120,6 @@ class Ros2Harness(RelayedHarness):
 
     def second(self) -> Fleet:
         return _fleet(*self._seen_by_soter, self.asked(len(self._seen_by_soter[-1])))
-
-    def stall(self, robot_id: int, seconds: float) -> None:
-        """Suspend a robot's mux for a time; its base goes on."""
-        assert isinstance(self.simulator, Ros2Simulator)
-        self.stopped(self.simulator.muxes[robot_id], seconds)
-
-    def step_clock(self, robot_id: int, seconds: float) -> None:
-        """Set a robot's own clock forward, or back if negative; the world goes on."""
-        assert isinstance(self.simulator, Ros2Simulator)
-        self.simulator.faults.step_clock(robot_id, seconds)
-
-    def stop_clock(self, robot_id: int) -> None:
-        """Let a robot's own clock stand still from now on; the world goes on."""
-        assert isinstance(self.simulator, Ros2Simulator)
-        self.simulator.faults.stop_clock(robot_id)
-
-    def restart(self, robot_id: int) -> None:
-        """Restart a robot's base and mux; the world goes on."""
-        assert isinstance(self.simulator, Ros2Simulator)
-        self.simulator.restart(robot_id)
-
-    def intrude(self, robot_id: int, seconds: float) -> None:
-        """Have another node publish velocities for a base, past its mux."""
-        assert isinstance(self.relay, Ros2Relay)
-        self.relay.intrude(robot_id, seconds)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

@@ -11,25 +11,28 @@ from typing import Final
 
 import zenoh
 
+from soter.adapters.velocity_controlled.harness import (
+    INTRUDES_M_S,
+    VelocityControlledHarness,
+    VelocityControlledRelay,
+)
 from soter.adapters.zenoh.backend import ZenohBackend
 from soter.adapters.zenoh.messages import Twist, Vector3, encode
 from soter.adapters.zenoh.options import Keys, ZenohConfig, ZenohRobotOptions
 from soter.adapters.zenoh.session import SessionOptions, close_session, endpoints, open_session
 from soter.adapters.zenoh.simulator import ZenohSimulator
 from soter.adapters.zenoh.talk import Listener, Voice
-from soter.conformance import WIDE_ROOMS, RelayedHarness, in_wide_rooms
+from soter.conformance import WIDE_ROOMS, in_wide_rooms
 from soter.conformance.harness import LIMITS, Killable, Switchable
-from soter.conformance.impaired import ImpairedRelay, Line
+from soter.conformance.impaired import Line
 from soter.sdk import Fleet, Waypoint, program
 
 _TO_ROBOT: Final = ("order", "cmd_vel_ac", "cmd_vel_sc")
 _TO_SOTER: Final = ("odom", "battery", "gate")
 _AT_ONCE: Final = 256
-_INTRUDES_M_S: Final = 0.05
-_INTRUDES_EVERY_S: Final = 0.05
 
 
-class ZenohRelay(ImpairedRelay):
+class ZenohRelay(VelocityControlledRelay):
     """Passes messages on, both ways. The two sides have no link to each other.
 
     Args:
@@ -61,15 +64,13 @@ class ZenohRelay(ImpairedRelay):
             raise
 
     def intrude(self, robot_id: int, seconds: float) -> None:
-        """Have a program beside SOTER publish velocities for a base, past its mux, which SOTER hears."""
         voices = self._bases[robot_id]
 
         def drive(message: bytes) -> None:
             for voice in voices:
                 voice.say_bytes(message)
 
-        line = Line(robot_id, drive)
-        self.say(line, encode(Twist(Vector3(x=_INTRUDES_M_S))), round(seconds / _INTRUDES_EVERY_S), _INTRUDES_EVERY_S)
+        self.repeat(Line(robot_id, drive), encode(Twist(Vector3(x=INTRUDES_M_S))), seconds)
 
     def close(self) -> None:
         super().close()
@@ -82,7 +83,7 @@ class ZenohRelay(ImpairedRelay):
         Listener(source.declare_subscriber(heard, messages), lambda each: self.pass_on(line, each.payload.to_bytes()))
 
 
-class ZenohHarness(RelayedHarness):
+class ZenohHarness(VelocityControlledHarness):
     """Opens simulated robots behind a relay, new ones for every fleet; all sessions are peers."""
 
     name = "zenoh"
@@ -98,31 +99,6 @@ class ZenohHarness(RelayedHarness):
 
     def second(self) -> Fleet:
         return ZenohBackend().open(self._seen_by_soter, self.asked(len(self._seen_by_soter.robots)))
-
-    def stall(self, robot_id: int, seconds: float) -> None:
-        """Suspend a robot's mux for a time; its base goes on."""
-        assert isinstance(self.simulator, ZenohSimulator)
-        self.stopped(self.simulator.muxes[robot_id], seconds)
-
-    def step_clock(self, robot_id: int, seconds: float) -> None:
-        """Set a robot's own clock forward, or back if negative; the world goes on."""
-        assert isinstance(self.simulator, ZenohSimulator)
-        self.simulator.faults.step_clock(robot_id, seconds)
-
-    def stop_clock(self, robot_id: int) -> None:
-        """Let a robot's own clock stand still from now on; the world goes on."""
-        assert isinstance(self.simulator, ZenohSimulator)
-        self.simulator.faults.stop_clock(robot_id)
-
-    def restart(self, robot_id: int) -> None:
-        """Restart a robot's base and mux; the world goes on."""
-        assert isinstance(self.simulator, ZenohSimulator)
-        self.simulator.restart(robot_id)
-
-    def intrude(self, robot_id: int, seconds: float) -> None:
-        """Have another program publish velocities for a base, past its mux."""
-        assert isinstance(self.relay, ZenohRelay)
-        self.relay.intrude(robot_id, seconds)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         simulator = self._start(1)

@@ -1,6 +1,8 @@
-"""Disorder: messages that come twice, in another order, or between others that make no sense."""
+"""Disorder: messages that come late, twice, in another order, or between others that make no sense."""
 
 from __future__ import annotations
+
+import math
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
@@ -9,12 +11,53 @@ from soter.conformance.driver import TICK_S
 from soter.conformance.track import quantile
 from soter.sdk import Controller
 
+_STAYS_SLOW_S = 3.0
 _NONSENSE = 0.5
 _TWICE = 2
 _DEAF = (
     "after messages that make no sense it does not hear those that do: what receives has ended, or gives up after some "
     "of them; drop what cannot be read, and go on"
 )
+
+
+@clause("link.delay", tier=Tier.WIRE, hooks=("delay",))
+def delay(bench: Bench) -> None:
+    """Under delay samples say how old they are, and who is in charge there and not here; goals are still reached."""
+    robot = bench.open_one()
+    late_s = 4 * TICK_S
+    bench.run(1.0)
+    before_s = min(latest_ages_s(bench, robot))
+    bench.faulty = True
+    bench.harness.delay(late_s)
+    bench.run(1.0)
+    grown_s = min(latest_ages_s(bench, robot)) - before_s
+    bench.measure("age_under_delay_s", grown_s)
+    bench.require(
+        grown_s >= 0.5 * late_s - TICK_S / 2,
+        f"with every message {late_s:.3f} s later samples are said to be {grown_s:.3f} s older: they are stamped on "
+        "arrival; stamp them by the vehicle's clock",
+    )
+    called_s = bench.now_s
+    robot.switch_ac_sc(Controller.SC, "conformance")
+    bench.run(1.0)
+    said_s = [each.at_s for each in bench.since(robot, called_s - late_s) if each.state.controller is Controller.SC]
+    bench.require(
+        min(said_s, default=math.inf) >= called_s + 0.5 * late_s,
+        f"with every message {late_s:.3f} s later the SC is said to be in charge in a sample that was taken before the "
+        "robot can have heard of it: that is what was sent, and not what the robot says",
+    )
+    robot.switch_ac_sc(Controller.AC, "conformance")
+    bench.run(_STAYS_SLOW_S)
+    still_s = min(latest_ages_s(bench, robot)) - before_s
+    bench.require(
+        still_s >= 0.5 * late_s - TICK_S / 2,
+        f"a while after every message became {late_s:.3f} s later samples are said to be {still_s:.3f} s older, and "
+        f"{grown_s:.3f} s at first: the slow link is taken for a slow clock within seconds; let the offset of a clock "
+        "rise by what clocks may differ, and by no more the longer a session lasts",
+    )
+    # Shorter than the lease: a vehicle may refuse renewals that are older.
+    bench.harness.delay(0.25 * bench.caps.lease_s)
+    arrives(bench, robot, "a delay of a quarter of the lease")
 
 
 @clause("link.duplicate", tier=Tier.WIRE, hooks=("duplicate",))

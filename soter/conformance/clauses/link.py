@@ -17,7 +17,6 @@ _LOST_S = 4.0
 _PATIENCE_S = 2.0
 _SILENT_S = 2.0
 _SLACK_S = 1.0
-_STAYS_SLOW_S = 3.0
 # Spread so that an adapter that doubles its waits between tries is waiting at the end of one of these outages.
 _OFF_S = (1.0, 13.0, 19.0)
 _WAITS_S = 0.25
@@ -308,46 +307,6 @@ def loss(bench: Bench) -> None:
     bench.faulty = True
     bench.harness.loss(0.2)
     arrives(bench, robot, "a fifth of all messages lost")
-
-
-@clause("link.delay", tier=Tier.WIRE, hooks=("delay",))
-def delay(bench: Bench) -> None:
-    """Under delay samples say how old they are, and who is in charge there and not here; goals are still reached."""
-    robot = bench.open_one()
-    late_s = 4 * TICK_S
-    bench.run(1.0)
-    before_s = min(latest_ages_s(bench, robot))
-    bench.faulty = True
-    bench.harness.delay(late_s)
-    bench.run(1.0)
-    grown_s = min(latest_ages_s(bench, robot)) - before_s
-    bench.measure("age_under_delay_s", grown_s)
-    bench.require(
-        grown_s >= 0.5 * late_s - TICK_S / 2,
-        f"with every message {late_s:.3f} s later samples are said to be {grown_s:.3f} s older: they are stamped on "
-        "arrival; stamp them by the vehicle's clock",
-    )
-    called_s = bench.now_s
-    robot.switch_ac_sc(Controller.SC, "conformance")
-    bench.run(1.0)
-    said_s = [each.at_s for each in bench.since(robot, called_s - late_s) if each.state.controller is Controller.SC]
-    bench.require(
-        min(said_s, default=math.inf) >= called_s + 0.5 * late_s,
-        f"with every message {late_s:.3f} s later the SC is said to be in charge in a sample that was taken before the "
-        "robot can have heard of it: that is what was sent, and not what the robot says",
-    )
-    robot.switch_ac_sc(Controller.AC, "conformance")
-    bench.run(_STAYS_SLOW_S)
-    still_s = min(latest_ages_s(bench, robot)) - before_s
-    bench.require(
-        still_s >= 0.5 * late_s - TICK_S / 2,
-        f"a while after every message became {late_s:.3f} s later samples are said to be {still_s:.3f} s older, and "
-        f"{grown_s:.3f} s at first: the slow link is taken for a slow clock within seconds; let the offset of a clock "
-        "rise by what clocks may differ, and by no more the longer a session lasts",
-    )
-    # Shorter than the lease: a vehicle may refuse renewals that are older.
-    bench.harness.delay(0.25 * bench.caps.lease_s)
-    arrives(bench, robot, "a delay of a quarter of the lease")
 
 
 def latest_ages_s(bench: Bench, robot: Robot) -> list[float]:
