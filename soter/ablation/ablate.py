@@ -203,10 +203,10 @@ def run_all(
     context = multiprocessing.get_context("spawn")
     ended = context.Event()
     with ProcessPoolExecutor(jobs, context, _begin, (ended,)) as pool:
-        waiting: set[Future[VariantRun]] = {
-            pool.submit(_work, plan, variant, seed) for variant in chosen for seed in plan.seeds
-        }
         try:
+            waiting: set[Future[VariantRun]] = {
+                pool.submit(_work, plan, variant, seed) for variant in chosen for seed in plan.seeds
+            }
             while waiting and not stop():
                 done, waiting = wait(waiting, _POLL_S, FIRST_COMPLETED)
                 for future in done:

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -250,6 +251,22 @@ def test_a_worker_that_dies_is_a_failed_run(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(ablate, "_work", dies)
     with pytest.raises(RunFailed, match="has died"):
         list(ablate.run_all(plan(), [Variant("mission", "as declared")], 1))
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_a_worker_that_dies_while_others_begin_is_a_failure_unless_ctrl_c_has_killed_it(
+    monkeypatch: pytest.MonkeyPatch, stopped: bool
+) -> None:
+    def broken(*_: object) -> None:
+        raise BrokenProcessPool("not usable any more")
+
+    monkeypatch.setattr(ablate.ProcessPoolExecutor, "submit", broken)
+    runs = ablate.run_all(plan(), [Variant("mission", "as declared")], 1, lambda: stopped)
+    if stopped:
+        assert list(runs) == []
+        return
+    with pytest.raises(RunFailed, match="has died"):
+        list(runs)
 
 
 def test_a_module_of_the_users_own_is_left_out_by_name(tmp_path: Path) -> None:
