@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
@@ -260,7 +261,7 @@ def test_a_worker_that_dies_while_others_begin_is_a_failure_unless_ctrl_c_has_ki
     def broken(*_: object) -> None:
         raise BrokenProcessPool("not usable any more")
 
-    monkeypatch.setattr(ablate.ProcessPoolExecutor, "submit", broken)
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", broken)
     runs = ablate.run_all(plan(), [Variant("mission", "as declared")], 1, lambda: stopped)
     if stopped:
         assert list(runs) == []
