@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-from soter.controller import Controller
+from soter.controller import AC, SC
 from soter.rta.module import Region, RTAModule, Timing, plain
 from soter.rta.monitors import ModuleMonitor
 from soter.rta.situation import Situation
@@ -69,7 +69,7 @@ class DecisionModule:
         self.name: Final = module.name
         self.every_ticks: Final = max(1, round(module.delta_s / base_tick_s))
         self.rank = 0
-        self.mode = Controller.SC
+        self.mode = SC
         self.cause = STARTS
         self.margin = math.nan
         self.reach = 0.0
@@ -98,23 +98,23 @@ class DecisionModule:
 
     def decide(self, situation: Situation) -> bool:
         """Judge the situation; return whether the mode changed. Called every Delta."""
-        before = self.mode
-        changed = self._decide(situation.copy() if self._foreign else situation)
-        self.monitor.look(situation.now_s, self.margin, before, self.mode)
+        before, now_s = self.mode, situation.now_s
+        seen = situation.copy() if self._foreign else situation
+        if before is SC:
+            changed = self._give_back(seen)
+        elif changed := self._in_danger(seen):
+            self.force(now_s, self.cause)
+        self.monitor.look(now_s, self.margin, before, self.mode)
         return changed
 
-    def _decide(self, situation: Situation) -> bool:
-        if self.mode is Controller.AC:
-            if self._in_danger(situation):
-                self.force(situation.now_s, self.cause)
-                return True
-            return False
+    def _give_back(self, situation: Situation) -> bool:
+        """Give the robot back to its AC if phi_safer has held for long enough; return whether it has."""
         self._follow(situation)
         if not situation.now_s - self._judged_ok_since_s >= self.module.dwell_s - 1e-9:
             return False
         if self._permission is not None and not self._permission.permits(self.name, situation):
             return False
-        self.mode = Controller.AC
+        self.mode = AC
         self.cause = ""
         self.since_s = situation.now_s
         self._was_engaged = True
@@ -136,15 +136,15 @@ class DecisionModule:
 
     def force(self, now_s: float, cause: str) -> None:
         """Go to SC, or stay there and restart the dwell, for a cause other than the margin."""
-        if self.mode is Controller.AC:
-            self.mode = Controller.SC
+        if self.mode is AC:
+            self.mode = SC
             self.since_s = now_s
         self.cause = cause
         self._judged_ok_since_s = math.nan
 
     def take(self, now_s: float, cause: str) -> None:
         """Take the robot from its AC because other robots need it, although the margin would let the AC go on."""
-        if self.mode is Controller.AC:
+        if self.mode is AC:
             self.monitor.to_sc += 1
             self.force(now_s, cause)
 
@@ -160,7 +160,9 @@ class DecisionModule:
             reach = plain(model.reach(situation, self._look_s + age_s))
         self.margin, self.reach = margin, reach
         # Written so that a margin that is not a number counts as danger.
-        if margin - self._noise - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach):
+        if margin - self._noise - reach >= 0.0 and (
+            self._keep == 0.0 or self._leaves_room(phi_safe, situation, margin, reach)
+        ):
             return False
         unit, needed = phi_safe.unit, reach + self._noise
         room = f", and {self._keep:.3f} {unit} for its safe controller" if margin >= needed else ""
@@ -169,7 +171,7 @@ class DecisionModule:
 
     def _leaves_room(self, phi_safe: Region, situation: Situation, margin: float, reach: float) -> bool:
         """Return whether the safe controller can still move wherever the AC may have taken the robot by then."""
-        return self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
+        return phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
 
     def _predicted_to_fail(self, situation: Situation) -> bool:
         predicate = self.module.ttf_2delta
@@ -187,7 +189,7 @@ class DecisionModule:
         reach = plain(model.reach(situation, self._look_s + situation.age_s))
         self.reach = reach
         sure = margin - self._noise
-        trusted = sure - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach)
+        trusted = sure - reach >= 0.0 and (self._keep == 0.0 or self._leaves_room(phi_safe, situation, margin, reach))
         if not trusted and not self._safer_alone:
             return False
         if not self._was_engaged and sure >= self._horizon_reach:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from soter.controller import Controller
+from soter.controller import SC, Controller
 from soter.rta.assumptions import Assumption
 from soter.rta.models import ReachModel
 from soter.rta.module import Timing
@@ -79,12 +79,18 @@ class ModuleMonitor:
     found: BrokenAssumption | None = field(default=None, init=False)
     _last_margin: float = field(default=math.nan, init=False)
     _last_s: float = field(default=math.nan, init=False)
+    _at_once: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        if self.model is not None:
+            # R(T) grows with T, so that a smaller fall needs no closer look.
+            self._at_once = self._fall_at_most(0.0, self.model)
 
     def look(self, now_s: float, margin: float, before: Controller, after: Controller) -> None:
         """Record one look of the decision module."""
         self.looks += 1
         if before is not after:
-            if after is Controller.SC:
+            if after is SC:
                 self.to_sc += 1
             else:
                 self.to_ac += 1
@@ -92,7 +98,7 @@ class ModuleMonitor:
         if model is None:
             return
         elapsed_s = now_s - self._last_s
-        if before is Controller.SC and elapsed_s > 0.0:
+        if before is SC and elapsed_s > 0.0:
             self.sc_s += elapsed_s
         if margin < self.least_margin:
             self.least_margin = margin
@@ -104,7 +110,7 @@ class ModuleMonitor:
                 first = math.isnan(self._last_margin)
                 assumption = Assumption.START if first else Assumption.RECOVERY
                 self.found = BrokenAssumption(assumption, f"margin {margin:.3f}", -margin, self.unit)
-        if 0.0 < fall < math.inf and fall > (most := self._fall_at_most(elapsed_s, model)):
+        if self._at_once < fall < math.inf and fall > (most := self._fall_at_most(elapsed_s, model)):
             self.surprises += 1
             if not model.of_pairs and self._last_margin >= 0.0:
                 # The samples are tested on their own: where they are right, it is the world that has changed, or the

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from soter.controller import Controller
+from soter.controller import AC, SC
 from soter.errors import Intruder, Uncontrolled, account_of
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
@@ -35,6 +35,7 @@ class RobotSupervisor:
         situation: what is known of the robot and its peers at this tick.
         decide_s: host time that the last decisions took, in seconds.
         ac_failure: why the AC will never get control again; empty while it may.
+        uncontrolled: why the robot does not obey its supervisor; empty while it does.
         log: the assumptions that failed.
 
     Args:
@@ -54,7 +55,7 @@ class RobotSupervisor:
         for rank, module in enumerate(modules):
             module.rank = rank
         self.actuator: Final = actuator
-        self.mode = Controller.SC if modules else Controller.AC
+        self.mode = SC if modules else AC
         first = modules[0] if modules else None
         self.driver: DecisionModule | None = first
         self._without_ac: Final = next((each for each in modules if each.name == drivers.without_ac), first)
@@ -81,13 +82,8 @@ class RobotSupervisor:
         self._disowned = self._reports = False
         self._heard_within_s: Final = assumed.heard_within_s
         self._held = self._was_held = self._peer_unsure = False
-        self._disobeys = ""
+        self.uncontrolled = ""
         self._disobeyed_until_s = -math.inf
-
-    @property
-    def uncontrolled(self) -> str:
-        """Return why the robot does not obey its supervisor; empty while it does."""
-        return self._disobeys if self.situation.now_s < self._disobeyed_until_s else ""
 
     def fail_ac(self, cause: str) -> None:
         """Never give this robot to its AC again, which has failed for good; the cause says how.
@@ -111,6 +107,8 @@ class RobotSupervisor:
         if now_s < situation.now_s:
             self._clock_went_back(situation.now_s - now_s)
         situation.now_s = now_s
+        if self.uncontrolled and now_s >= self._disobeyed_until_s:
+            self.uncontrolled = ""
         try:
             sample = self.actuator.read()
             if not math.isfinite(sample.x_m + sample.y_m + sample.stamp_s):
@@ -140,7 +138,7 @@ class RobotSupervisor:
     def _clock_went_back(self, by_s: float) -> None:
         self.situation.now_s -= by_s
         for module in self.modules:
-            if module.mode is Controller.SC:
+            if module.mode is SC:
                 # A dwell that began at a time now in the future has not lasted at all.
                 module.force(self.situation.now_s, module.cause)
         self._raise_alarm(Assumption.CLOCK, f"fleet time went back by {by_s:.3f} s", by_s, "s")
@@ -168,7 +166,7 @@ class RobotSupervisor:
             self._lose_control(f"it has not been heard of for {age_s:.1f} s")
 
     def _lose_control(self, cause: str) -> None:
-        self._disobeys, self._disobeyed_until_s = cause, self.situation.now_s + ALARM_S
+        self.uncontrolled, self._disobeyed_until_s = cause, self.situation.now_s + ALARM_S
 
     def _disobeyed(self, cause: str) -> None:
         self._lose_control(cause)
@@ -214,11 +212,11 @@ class RobotSupervisor:
                             late_s - self._timing.jitter_s, "s",
                         )  # fmt: skip
                     if module.decide(situation):
-                        if module.mode is Controller.SC:
+                        if module.mode is SC:
                             fired.append(module)
                         else:
                             released = module
-                elif module.mode is Controller.SC:
+                elif module.mode is SC:
                     module.observe(situation)
             except KeyboardInterrupt:
                 raise
@@ -227,16 +225,16 @@ class RobotSupervisor:
                 if module.cause != cause:
                     # Log it once, not at every look: it may go on failing for as long as the run lasts.
                     logger.exception("robot %d: decision module '%s' failed", self.robot_id, module.name)
-                if module.mode is Controller.AC:
+                if module.mode is AC:
                     fired.append(module)
                 module.force(now_s, cause)
             if module.monitor.found is not None:
                 self._look_at(module, module.monitor.found)
-            if driver is None and module.mode is Controller.SC:
+            if driver is None and module.mode is SC:
                 driver = module
         if driver is None and (now_s < self._alarmed_until_s or self.ac_failure):
             driver = self._without_module()
-        if driver is not self.driver or (driver is None and self.mode is Controller.SC):
+        if driver is not self.driver or (driver is None and self.mode is SC):
             self._change_driver(driver, fired, released)
         elif driver is None and not self._announced_ac:
             self._announced_ac = True
@@ -256,7 +254,7 @@ class RobotSupervisor:
             # The margin to where a silent peer may be falls although nobody moves.
             return
         cause = f"'{module.name}': {found.cause}"
-        if module.mode is Controller.AC:
+        if module.mode is AC:
             self._raise_alarm(found.assumption, cause, found.excess, found.unit)
         else:
             # The module has the robot already, and keeps it until phi_safer.
@@ -343,13 +341,13 @@ class RobotSupervisor:
         before = self.driver
         was = self.mode
         self.driver = driver
-        self.mode = Controller.AC if driver is None else Controller.SC
+        self.mode = AC if driver is None else SC
         first = fired[0] if fired else released or driver or before
         name = first.name if first is not None else ""
         cause = first.cause if first is not None else ""
-        if was is Controller.AC and not fired:
+        if was is AC and not fired:
             name, cause = SUPERVISOR, self._alarm or self.ac_failure
-            if driver is not None and driver.mode is Controller.SC:
+            if driver is not None and driver.mode is SC:
                 # Nothing has failed and the margin would do: other robots need room.
                 name, cause = driver.name, driver.cause
         if self.mode is not was or before is not driver:
@@ -362,7 +360,7 @@ class RobotSupervisor:
         record = SwitchRecord(
             self.situation.now_s,
             self.robot_id,
-            before.name if before is not None and was is Controller.SC else None,
+            before.name if before is not None and was is SC else None,
             driver.name if driver is not None else None,
             name,
             cause,
@@ -388,5 +386,5 @@ class RobotSupervisor:
     def _isolate(self, node: Node, failure: BaseException) -> None:
         logger.error("robot %d: node '%s' failed", self.robot_id, node.name, exc_info=failure)
         self._drive(None)
-        if self.mode is Controller.AC:
+        if self.mode is AC:
             self.fail_ac(f"AC failed: {account_of(failure)}")

@@ -12,13 +12,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from soter.controller import SC
 from soter.geometry.workspace import Workspace
 from soter.record.looks import Stall
 from soter.record.messages import AC
 from soter.record.tracks import RunTracks, Track
 from soter.rta import ModuleMonitor, RobotSupervisor, SwitchRecord
 from soter.runner import result
-from soter.sdk import Controller, Fleet
+from soter.sdk import Fleet
 from soter.stack.events import Place, TargetOutcome
 from soter.stack.right_of_way import BATTERY
 
@@ -231,7 +232,7 @@ class Metrics:
             if robot.driver is None:
                 self._ac_ticks += 1
                 self._busy_ticks += 1
-            elif not any(module.name == BATTERY and module.mode is Controller.SC for module in robot.modules):
+            elif not any(module.name == BATTERY and module.mode is SC for module in robot.modules):
                 self._busy_ticks += 1
         if tick % SAMPLE_TICKS == 0:
             self._sample(now_s, robots, charging)

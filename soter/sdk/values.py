@@ -9,7 +9,6 @@ from numbers import Real
 from typing import NamedTuple
 
 from soter.controller import Controller as Controller
-from soter.controller import direct
 from soter.sdk.capabilities import Capabilities, is_finite
 
 MAX_COORDINATE_M = 25_000.0
@@ -19,7 +18,6 @@ MAX_HEADING_RAD = 1e6
 """A heading beyond this is a mistake: it has lost its precision, and may overflow in a vehicle's own unit."""
 
 
-@direct
 class Link(Enum):
     """State of a robot's link, judged by the age of its latest sample."""
 
@@ -28,7 +26,6 @@ class Link(Enum):
     DOWN = "DOWN"
 
 
-@direct
 class GoalStatus(Enum):
     """Status of a goal. It leaves ACTIVE once, for one of the others, and stays there."""
 

@@ -10,6 +10,8 @@ from soter.rta import Node, Port, Request, Sample, Situation, Topic
 from soter.sdk import Controller, Goal, GoalStatus, Robot, RobotState, Waypoint
 from soter.stack.safe_controller import WAYPOINT
 
+_ACTIVE: Final = GoalStatus.ACTIVE
+
 
 class RobotActuator:
     """Drives one `Robot` for the supervisor, and tells the AC's port how its goals end. Supervisor's thread only."""
@@ -34,7 +36,7 @@ class RobotActuator:
         if not port.engaged:
             port.refuse()
         goal = self._goal
-        if goal is not None and goal.status is not GoalStatus.ACTIVE:
+        if goal is not None and goal.status is not _ACTIVE:
             self._ended(goal)
         return state
 

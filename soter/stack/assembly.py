@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from soter.config import MissionFile
+from soter.controller import SC
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Workspace
 from soter.rta import (
@@ -31,7 +32,7 @@ from soter.rta import (
     Topic,
     Watch,
 )
-from soter.sdk import Capabilities, Controller, Robot, RobotState, Waypoint
+from soter.sdk import Capabilities, Robot, RobotState, Waypoint
 from soter.stack.actuator import PortForwarder, RobotActuator
 from soter.stack.declaration import Declared, declare, terrains_of, timing_of
 from soter.stack.monitors import ChargeMonitor, ContractMonitor
@@ -212,7 +213,7 @@ def assemble(
             dock.path.track(own.x_m, own.y_m)
             battery = batteries.get(robot_id)
             if battery is not None:
-                in_sc = battery.mode is Controller.SC
+                in_sc = battery.mode is SC
                 # All modules begin in SC: for a while, that does not mean that the battery's module has fired.
                 dock.begins = in_sc and battery.cause == STARTS and not now_s - battery.since_s > _BEGINS_S
                 dock.wants_charge = in_sc and not dock.begins

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from typing import Final
 
 from soter.rta import Assumption, RobotSupervisor
 from soter.stack.battery import Dock
@@ -26,11 +27,11 @@ class ContractMonitor:
         """Log every safe controller that has kept its robot standing for longer than its contract allows."""
         for robot_id, robot in robots.items():
             driver, dock, own = robot.driver, docks[robot_id], robot.situation.own
-            lets_go_s = math.inf if driver is None or driver.name == BATTERY else driver.module.lets_go_s
             if (
                 driver is None
                 or not dock.wants_charge
-                or math.isinf(lets_go_s)
+                or driver.name == BATTERY
+                or math.isinf(lets_go_s := driver.module.lets_go_s)
                 or math.hypot(own.vx_m_s, own.vy_m_s) > self._moving_m_s[robot_id]
                 or dock.docked(robot.situation)
             ):
@@ -46,7 +47,8 @@ _FROZEN_CHARGE: Final = 0.05
 """Charge that driving must have used before an unchanged reading counts as frozen: some steps of whole percents."""
 
 
-class _Unchanged(NamedTuple):
+@dataclass(slots=True)
+class _Unchanged:
     charge: float
     stamp_s: float
     driven_m: float
@@ -65,13 +67,16 @@ class ChargeMonitor:
             charge, before = own.battery, self._unchanged.get(robot_id)
             if charge is None:
                 continue
-            # Any other charge starts a new measurement; one that has risen was charged.
-            if before is None or charge != before.charge:
+            if before is None:
                 self._unchanged[robot_id] = _Unchanged(charge, own.stamp_s, 0.0)
                 continue
             passed_s = max(own.stamp_s - before.stamp_s, 0.0)
-            driven_m = before.driven_m + math.hypot(own.vx_m_s, own.vy_m_s) * passed_s
-            self._unchanged[robot_id] = _Unchanged(before.charge, own.stamp_s, driven_m)
+            before.stamp_s = own.stamp_s
+            # Any other charge starts a new measurement; one that has risen was charged.
+            if charge != before.charge:
+                before.charge, before.driven_m = charge, 0.0
+                continue
+            before.driven_m = driven_m = before.driven_m + math.hypot(own.vx_m_s, own.vy_m_s) * passed_s
             used = driven_m * docks[robot_id].cost_per_m
             if used > _FROZEN_CHARGE:
                 cause = f"the charge has not fallen from {before.charge:.2f} in {driven_m:.1f} m, which use {used:.2f}"

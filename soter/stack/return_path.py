@@ -200,10 +200,14 @@ class ReturnPath:
     def _look(self, here: Point, anchor: _Anchor | None) -> _Anchor | None:
         """Return the anchor for a place, with the best of the roadmaps' paths and the way back."""
         entry = self.entry(*here)
+        radius_m = self._radius_m(here, entry, anchor)
+        length_m = self.roomy.distance_m(*entry)
+        if anchor is not None and length_m <= math.dist(entry, anchor.place) + anchor.length_m and not anchor.before:
+            # No way back is shorter.
+            return _Anchor(entry, length_m, radius_m, self.roomy, None)
         back = self._back_to(entry, anchor)
         back_m = math.inf if back is None else math.dist(entry, back.place) + back.length_m
-        radius_m = self._radius_m(here, entry, anchor)
-        if (length_m := self.roomy.distance_m(*entry)) <= back_m + DETOUR_M and length_m < math.inf:
+        if length_m <= back_m + DETOUR_M and length_m < math.inf:
             return _Anchor(entry, min(length_m, back_m), radius_m, self.roomy, None)
         if (length_m := self.narrow.distance_m(*entry)) <= back_m + DETOUR_M and length_m < math.inf:
             return _Anchor(entry, min(length_m, back_m), radius_m, self.narrow, None)

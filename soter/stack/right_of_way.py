@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
+from soter.controller import SC
 from soter.rta import DecisionModule, RobotSupervisor, Situation
-from soter.sdk import Controller
 from soter.stack.terrain import Point, length_m
 
 NEAR_M: Final = 0.6
@@ -95,6 +95,13 @@ class _Homing:
     progress_s: float
 
 
+class _Modules(NamedTuple):
+    """Two decision modules of a robot; None for one that is off."""
+
+    collision: DecisionModule | None
+    battery: DecisionModule | None
+
+
 @dataclass(slots=True)
 class _Wait:
     """Since when a robot has been without its AC, and whether a rule about pairs has held it since."""
@@ -139,7 +146,7 @@ class RightOfWay:
         self._ahead_m: Final = ahead_m
         self._legs: Final = legs
         self._docked: Final = docked
-        self._modules: dict[int, dict[str, DecisionModule]] = {}
+        self._known: dict[int, _Modules] = {}
         self._homing: dict[int, _Homing] = {}
         self._to_leave: dict[int, Path] = {}
         self._near_m: Final = max(NEAR_M, safer_m + max(0.1, unsure_m))
@@ -153,7 +160,7 @@ class RightOfWay:
 
     def update(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         """Find the encounters, and the order of their robots."""
-        met, near_m = self._met_s, self._near_m
+        met, near_sq_m2 = self._met_s, self._near_m * self._near_m
         for robot_id, robot in robots.items():
             own = robot.situation.own
             for peer in robot.situation.peers:
@@ -161,11 +168,11 @@ class RightOfWay:
                 if peer_id <= robot_id and peer_id in robots:
                     continue
                 dx, dy = peer.x_m - own.x_m, peer.y_m - own.y_m
-                if dx * dx + dy * dy < near_m * near_m:
+                if dx * dx + dy * dy < near_sq_m2:
                     met[min(robot_id, peer_id), max(robot_id, peer_id)] = now_s
-            collision = self._module(robot, COLLISION)
+            collision = self._modules(robot).collision
             if collision is not None:
-                self._disengaged_s[robot_id] = collision.since_s if collision.mode is Controller.SC else now_s
+                self._disengaged_s[robot_id] = collision.since_s if collision.mode is SC else now_s
         self._leave_alone(now_s, robots)
         if self._find_homing(now_s, robots) or self._to_leave:
             self._make_room(now_s, robots)
@@ -217,8 +224,8 @@ class RightOfWay:
         """Find the robots on their way to charge; return whether there are any."""
         homing = self._homing
         for robot_id, robot in robots.items():
-            battery = self._module(robot, BATTERY)
-            wants = battery is not None and battery.mode is Controller.SC and now_s - battery.since_s > SETTLED_S
+            battery = self._modules(robot).battery
+            wants = battery is not None and battery.mode is SC and now_s - battery.since_s > SETTLED_S
             if not wants or self._docked(robot):
                 homing.pop(robot_id, None)
                 continue
@@ -245,8 +252,8 @@ class RightOfWay:
         order = list(self._homing.items())
         for robot_id, robot in robots.items():
             ahead = [known for known in order[: _rank(robot_id, order)] if len(known[1].line) > 1]
-            battery, collision = self._module(robot, BATTERY), self._module(robot, COLLISION)
-            charges = battery is not None and battery.mode is Controller.SC and self._docked(robot)
+            collision, battery = self._modules(robot)
+            charges = battery is not None and battery.mode is SC and self._docked(robot)
             if not ahead or charges or collision is None:
                 continue
             first, lines = ahead[0][0], tuple(known.line for _, known in ahead)
@@ -262,11 +269,10 @@ class RightOfWay:
 
         The robot that has waited longest comes first; a robot that is held itself has no peers held.
         """
-        since_s = {robot_id: self._waits_since_s(now_s, robot) for robot_id, robot in robots.items()}
+        waits = [(robot_id, wait) for robot_id, each in robots.items() if (wait := self._wait(now_s, each)) is not None]
         held: dict[int, str] = {}
-        for robot_id in sorted(robots, key=since_s.__getitem__) if self._waits else ():
-            wait = self._waits.get(robot_id)
-            if wait is None or robot_id in held or int((now_s - wait.since_s) / WAIT_S) % 4 == 0:
+        for robot_id, wait in sorted(waits, key=lambda each: each[1].since_s):
+            if robot_id in held or int((now_s - wait.since_s) / WAIT_S) % 4 == 0:
                 continue
             own, peers = robots[robot_id].situation.own, robots[robot_id].situation.peers
             far_m = {peer.robot_id: math.hypot(peer.x_m - own.x_m, peer.y_m - own.y_m) for peer in peers}
@@ -277,24 +283,23 @@ class RightOfWay:
                 if far_m[peer_id] > near_m:
                     continue
                 peer = robots[peer_id]
-                module = self._module(peer, COLLISION) or next(filter(_of_pairs, peer.modules), None)
+                module = self._modules(peer).collision or next(filter(_of_pairs, peer.modules), None)
                 if module is not None:
                     held[peer_id] = module.name
                     module.take(now_s, f"robot {robot_id} has waited {WAIT_S:g} s for this one to keep away")
         self._held = held
 
-    def _waits_since_s(self, now_s: float, robot: RobotSupervisor) -> float:
-        """Return since when modules other than the battery's have kept a robot from its AC; now if they do not."""
-        sc = Controller.SC
-        kept_by = [each for each in robot.modules if each.mode is sc]
+    def _wait(self, now_s: float, robot: RobotSupervisor) -> _Wait | None:
+        """Return since when modules other than the battery's have kept a robot from its AC; None if they do not."""
+        kept_by = [each for each in robot.modules if each.mode is SC]
         if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
             self._waits.pop(robot.robot_id, None)
-            return now_s
+            return None
         # A module in SC since it was bound has not waited for another robot yet.
         since_s = now_s if math.isinf(kept_by[0].since_s) else kept_by[0].since_s
         wait = self._waits.setdefault(robot.robot_id, _Wait(since_s))
         wait.of_pairs = wait.of_pairs or any(map(_of_pairs, kept_by))
-        return wait.since_s
+        return wait
 
     def _form(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         groups: dict[int, set[int]] = {}
@@ -318,12 +323,12 @@ class RightOfWay:
                 encounters[member] = encounter
         self._encounters = encounters
 
-    def _module(self, robot: RobotSupervisor, name: str) -> DecisionModule | None:
-        """Return a decision module of a robot by name, or None if it is off."""
-        found = self._modules.get(robot.robot_id)
+    def _modules(self, robot: RobotSupervisor) -> _Modules:
+        found = self._known.get(robot.robot_id)
         if found is None:
-            found = self._modules[robot.robot_id] = {module.name: module for module in robot.modules}
-        return found.get(name)
+            named = {module.name: module for module in robot.modules}
+            found = self._known[robot.robot_id] = _Modules(named.get(COLLISION), named.get(BATTERY))
+        return found
 
     def _needs_charge(self, robots: Mapping[int, RobotSupervisor], robot_id: int) -> bool:
         robot = robots.get(robot_id)
@@ -338,7 +343,7 @@ def needs_charge(robot: RobotSupervisor) -> bool:
     """Return whether a robot is low and on its way to charge, and so goes before all others."""
     charge = robot.situation.own.battery
     low = charge is not None and charge < LOW_CHARGE
-    return low and any(module.name == BATTERY and module.mode is Controller.SC for module in robot.modules)
+    return low and any(module.name == BATTERY and module.mode is SC for module in robot.modules)
 
 
 def _rank(robot_id: int, order: Sequence[tuple[int, _Homing]]) -> int:

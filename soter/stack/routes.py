@@ -186,6 +186,9 @@ class Routes:
 
     def first(self, x_m: float, y_m: float) -> tuple[int | None, float]:
         """Return the first corner of the shortest path, and the path's length."""
+        # Nothing is shorter than the straight line.
+        if self.roadmap.sees(x_m, y_m, *self.place):
+            return 0, math.dist((x_m, y_m), self.place)
         ends = self.roadmap.ends(x_m, y_m)
         with np.errstate(over="ignore"):
             lengths = np.hypot(self._x[ends] - x_m, self._y[ends] - y_m) + self.to_go_m[ends]
@@ -193,7 +196,7 @@ class Routes:
         for index in np.argsort(lengths, kind="stable").tolist():
             if (length := float(lengths[index])) == math.inf:
                 break
-            if self.roadmap.sees(x_m, y_m, *self.corners[end := int(ends[index])]):
+            if (end := int(ends[index])) != 0 and self.roadmap.sees(x_m, y_m, *self.corners[end]):
                 return end, length
         return None, math.inf
 

@@ -152,9 +152,7 @@ class Terrain:
             # Inside a box, the distance to the nearer edge counts, which is the way out.
             dx = low_x - x_m if x_m + x_m < low_x + high_x else x_m - high_x
             dy = low_y - y_m if y_m + y_m < low_y + high_y else y_m - high_y
-            distance = max(dx, dy)
-            if dx > 0.0 and dy > 0.0:
-                distance = math.sqrt(dx * dx + dy * dy)
+            distance = math.sqrt(dx * dx + dy * dy) if dx > 0.0 and dy > 0.0 else max(dx, dy)
             if distance < least:
                 least = distance
         return least - self.body_radius_m

@@ -31,6 +31,8 @@ from soter.sdk import (
 from soter.sdk.capabilities import REST_M_S, REST_RAD_S
 from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World, in_window
 
+_UP: Final = Link.UP
+
 
 class SimVehicle:
     """The software on a simulated robot; the world calls its `control` once in each control period.
@@ -158,7 +160,7 @@ class SimulatedRobot(Robot):
         east, north = self._velocity(index)
         self._latest = latest = RobotState(
             self.id, now_s, vehicle_s, self._x[index], self._y[index], 0.0, self._heading[index], east, north,
-            self._yaw_rate[index], self._charge[index], mux.in_charge, goal_id, Link.UP,
+            self._yaw_rate[index], self._charge[index], mux.in_charge, goal_id, _UP,
         )  # fmt: skip
         return latest
 
