@@ -60,7 +60,8 @@ class Mux(Generic[C, T]):
     def renew(self, now_s: float) -> None:
         """Let the robot move for another `lease_s` of vehicle time."""
         self._renewed_s = now_s
-        self._seen_s = max(self._seen_s, now_s)
+        if now_s > self._seen_s:
+            self._seen_s = now_s
 
     def halt(self) -> None:
         """Drop the command; the active controller stays active, and its lease lives on."""

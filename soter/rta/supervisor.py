@@ -123,9 +123,10 @@ class RobotSupervisor:
         situation.own = sample
         self._take_age(sample)
         try:
-            for found in (self._samples.look(now_s, before, sample), self._stop.look(now_s, sample)):
-                if found is not None:
-                    self._raise_alarm(*found)
+            if (found := self._samples.look(now_s, before, sample)) is not None:
+                self._raise_alarm(*found)
+            if (found := self._stop.look(now_s, sample)) is not None:
+                self._raise_alarm(*found)
             self._look_for_owner(sample)
         except KeyboardInterrupt:
             raise

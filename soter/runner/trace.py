@@ -29,8 +29,10 @@ class Trace:
             battery = own.battery
             numbers += (
                 own.x_m, own.y_m, own.heading_rad, own.vx_m_s, own.vy_m_s, -1.0 if battery is None else battery,
-                -1.0 if driver is None else driver.rank, *[module.margin for module in robot.modules],
+                -1.0 if driver is None else driver.rank,
             )  # fmt: skip
+            for module in robot.modules:
+                numbers.append(module.margin)
         if len(numbers) > _FLUSH_AT:
             self._flush()
 

@@ -46,6 +46,8 @@ def duty(kit: RobotKit, own: RobotState) -> Duty:
     """Return how a robot has to behave towards the robots that it would meet if it went on as it does now."""
     apart_m = _MEETING_SHARE * kit.disc_m
     met = {robot_id: peer for robot_id, peer in kit.peers.items() if _meets_s(own, peer.state, apart_m) < AHEAD_S}
+    if not met:
+        return Duty.NONE
     if any(robot_id < kit.robot_id and not stands(kit, peer) for robot_id, peer in met.items()):
         return Duty.WAIT
     return Duty.GO_ROUND if any(stands(kit, peer) for peer in met.values()) else Duty.NONE

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from soter.controller import SC
+from soter.controller import AC, SC
 from soter.rta import DecisionModule, RobotSupervisor, Situation
 from soter.stack.terrain import Point, length_m
 
@@ -161,7 +161,9 @@ class RightOfWay:
     def update(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         """Find the encounters, and the order of their robots."""
         met, near_sq_m2 = self._met_s, self._near_m * self._near_m
+        settled = not (self._waits or self._held or self._homing or self._to_leave)
         for robot_id, robot in robots.items():
+            settled = settled and robot.mode is AC
             own = robot.situation.own
             for peer in robot.situation.peers:
                 peer_id = peer.robot_id
@@ -173,9 +175,10 @@ class RightOfWay:
             collision = self._modules(robot).collision
             if collision is not None:
                 self._disengaged_s[robot_id] = collision.since_s if collision.mode is SC else now_s
-        self._leave_alone(now_s, robots)
-        if self._find_homing(now_s, robots) or self._to_leave:
-            self._make_room(now_s, robots)
+        if not settled:
+            self._leave_alone(now_s, robots)
+            if self._find_homing(now_s, robots) or self._to_leave:
+                self._make_room(now_s, robots)
         if met or self._encounters:
             for pair in [pair for pair, seen_s in met.items() if now_s - seen_s > MEMORY_S]:
                 del met[pair]
@@ -291,7 +294,7 @@ class RightOfWay:
 
     def _wait(self, now_s: float, robot: RobotSupervisor) -> _Wait | None:
         """Return since when modules other than the battery's have kept a robot from its AC; None if they do not."""
-        kept_by = [each for each in robot.modules if each.mode is SC]
+        kept_by = [] if robot.mode is AC else [each for each in robot.modules if each.mode is SC]
         if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
             self._waits.pop(robot.robot_id, None)
             return None
