@@ -173,7 +173,10 @@ def crosses(
         first, second = (low - start) / delta, (high - start) / delta
         if first > second:
             first, second = second, first
-        enter, leave = max(enter, first), min(leave, second)
+        if first > enter:
+            enter = first
+        if second < leave:
+            leave = second
         if enter >= leave:
             return False
     return True

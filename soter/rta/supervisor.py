@@ -161,8 +161,12 @@ class RobotSupervisor:
             self._disobeyed(f"the robot does not report any more that {self.mode} is in charge")
 
     def _take_age(self, sample: Sample) -> None:
-        # A clock that is slightly fast must not make a reach bound smaller than that of a fresh sample.
-        age_s = self.situation.age_s = max(0.0, self.situation.now_s - sample.stamp_s)
+        situation = self.situation
+        age_s = situation.now_s - sample.stamp_s
+        if age_s < 0.0:
+            # A clock that is slightly fast must not make a reach bound smaller than that of a fresh sample.
+            age_s = 0.0
+        situation.age_s = age_s
         if age_s > UNHEARD_S:
             self._lose_control(f"it has not been heard of for {age_s:.1f} s")
 

@@ -241,7 +241,8 @@ class Robot(ABC):
 
     def renew_lease(self) -> None:
         """Renew the lease of the active controller: `switch_ac_sc` to the same one, without a handle."""
-        self.__require_ready("renew_lease")
+        if self.__capabilities is None or self.__closed:
+            self.__require_ready("renew_lease")
         self._renew_lease()
 
     def close(self, timeout_s: float) -> None:
