@@ -17,7 +17,7 @@ from soter.rta.module import plain
 from soter.sdk import Capabilities
 from soter.stack.actuator import PortForwarder
 from soter.stack.battery import Dock, GoHome
-from soter.stack.infrastructure import check_infrastructure, check_start, occupied, shut_in_by
+from soter.stack.infrastructure import check_infrastructure, check_start, occupied, room_at, shut_in_by
 from soter.stack.module_kit import ModuleKit
 from soter.stack.modules import declare_module, geofence, obstacle
 from soter.stack.own_rules import OwnRule, apart_m, forbidden
@@ -141,13 +141,16 @@ def declare(
     others = tuple(each for each in workspace.robots if each.id != robot_id)
     stations = [occupied(each.charger.centre, beside_m, place.charger.centre) for each in others] if beside_m else []
 
+    rooms = tuple(room_at(each.charger.centre, beside_m) for each in workspace.robots) if beside_m else ()
+
     timing = timing_of(capabilities, tick_s)
 
     def path_around(more: Sequence[Rectangle], stations: Sequence[Sequence[Rectangle]] = stations) -> ReturnPath:
         kept_m = obstacle.keep_m(rta.obstacle, recovery, timing), geofence.keep_m(rta.geofence, recovery, timing)
         home_m = _home_clearance_m(mission, capabilities, kept_m[0]) - beyond_m
         inset_m = _inset_m(mission, capabilities, kept_m[1])
-        return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, [*chain(*stations), *more])
+        kept_free, shared = [*chain(*stations), *more], rooms if stations else ()
+        return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, kept_free, shared)
 
     cost_per_m = 1.0 / (mission.battery.drive_s * capabilities.v_max_m_s)
     dock = Dock(place.charger, path_around(()), cost_per_m)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, islice
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -42,6 +42,11 @@ class _TooNear(NamedTuple):
     needed_m: float
 
 
+def room_at(station: Point, apart_m: float) -> Rectangle:
+    """Return the square around the disc of radius `apart_m` around a station."""
+    return station[0] - apart_m, station[1] - apart_m, station[0] + apart_m, station[1] + apart_m
+
+
 def occupied(station: Point, apart_m: float, own: Point) -> list[Rectangle]:
     """Return rectangles that hold the disc of radius `apart_m` around another robot's station.
 
@@ -50,7 +55,7 @@ def occupied(station: Point, apart_m: float, own: Point) -> list[Rectangle]:
     """
     x_m, y_m = station
     dx_m, dy_m = own[0] - x_m, own[1] - y_m
-    square = (x_m - apart_m, y_m - apart_m, x_m + apart_m, y_m + apart_m)
+    square = room_at(station, apart_m)
     if max(abs(dx_m), abs(dy_m)) >= apart_m or math.hypot(dx_m, dy_m) < apart_m:
         return [square]
     low_x, low_y, high_x, high_y = square
@@ -87,7 +92,8 @@ def shut_in_by(path: ReturnPath, unoccupied: Callable[[], ReturnPath], stations:
 def _lost(path: ReturnPath, station: Sequence[Rectangle], edges: Sequence[Rectangle]) -> Iterator[Point]:
     """Yield places beside rectangles that fit and have no return path."""
     leads_back: Point | None = None
-    for x, y in _beside(station):
+    # Where nothing else is in the way, all the places are connected.
+    for x, y in islice(_beside(station), 1 if path.open_around(station) else None):
         if not path.fits(x, y) or any(each[0] < x < each[2] and each[1] < y < each[3] for each in edges):
             continue
         # To look whether the last one with a path is in sight is much quicker than to look for a path.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import islice
 from typing import Final
 
@@ -145,18 +146,7 @@ class RefugeFinder:
             apart_m: distance between their centres.
             leads_back: whether a path leads from a place to the robot's station; other places do not count.
         """
-        terrain, most = self._terrain, 0
-        within = self._reached(leads_back)
-        for order in ("C", "F"):
-            xs, ys = (cells.ravel(order)[within.ravel(order)] for cells in (terrain.cell_x, terrain.cell_y))
-            for free_x, free_y in ((xs, ys), (xs[::-1], ys[::-1])):
-                found = 0
-                while found < robots and free_x.size:
-                    found += 1
-                    left = (free_x - free_x[0]) ** 2 + (free_y - free_y[0]) ** 2 >= apart_m * apart_m
-                    free_x, free_y = free_x[left], free_y[left]
-                most = max(most, found)
-        return most
+        return _room(self._terrain, self._reached(leads_back).tobytes(), robots, apart_m)
 
     def _reached(self, leads_back: Callable[[float, float], bool]) -> NDArray[np.bool_]:
         """Return the refuges that are connected, through refuges, to a tried one from which a path leads back."""
@@ -291,6 +281,22 @@ def _largest(fits: NDArray[np.bool_]) -> NDArray[np.bool_]:
         largest = max(largest, part, key=np.count_nonzero)
         left &= ~part
     return largest
+
+
+@lru_cache(maxsize=8)
+def _room(terrain: Terrain, within: bytes, robots: int, apart_m: float) -> int:
+    """Return how many robots find room in cells; see `RefugeFinder.room_for`. Most robots have the same cells."""
+    most, cells = 0, np.frombuffer(within, dtype=np.bool_).reshape(terrain.cell_x.shape)
+    for order in ("C", "F"):
+        xs, ys = (each.ravel(order)[cells.ravel(order)] for each in (terrain.cell_x, terrain.cell_y))
+        for free_x, free_y in ((xs, ys), (xs[::-1], ys[::-1])):
+            found = 0
+            while found < robots and free_x.size:
+                found += 1
+                left = (free_x - free_x[0]) ** 2 + (free_y - free_y[0]) ** 2 >= apart_m * apart_m
+                free_x, free_y = free_x[left], free_y[left]
+            most = max(most, found)
+    return most
 
 
 def _connected(fits: NDArray[np.bool_], reached: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -13,7 +13,10 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from soter.stack.recovery import RecoveryPlanner
+from soter.stack.roadmap import Roadmap
 from soter.stack.routes import Routes, routes_to
 from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
@@ -22,6 +25,9 @@ DETOUR_M: Final = 0.5
 """How much longer a roomy path may be to be preferred to a narrow one; the charge pays for it."""
 
 _ROUNDING_M: Final = 1e-6
+
+_BESIDE_M: Final = 1e-5
+"""Nothing so near to a rectangle is in the way beside it."""
 
 LOOK_S: Final = 1.0
 """The path is looked for again after the distance that the robot can drive in this time."""
@@ -74,6 +80,8 @@ class ReturnPath:
         clearance_m: body clearance of roomy paths from boxes.
         inset_m: distance of roomy paths from the fence.
         occupied: rectangles to keep out of: other robots' stations, with the room that robots on them need.
+        shared: the rectangles that the paths of all robots of the fleet keep out of, each robot but a few; see
+            `soter.stack.roadmap.Roadmap`.
 
     Attributes:
         place: the station.
@@ -89,12 +97,14 @@ class ReturnPath:
         clearance_m: float,
         inset_m: float,
         occupied: Sequence[Rectangle] = (),
+        shared: tuple[Rectangle, ...] = (),
     ) -> None:
         self.place: Final = place
         self._terrain: Final = terrain
         self._recovery: Final = recovery
         self._occupied: Final = tuple(occupied)
-        self.roomy: Final = routes_to(terrain, place, clearance_m, inset_m, self._occupied)
+        self._shared: Final = shared
+        self.roomy: Final = routes_to(terrain, place, clearance_m, inset_m, self._occupied, shared)
         rules = recovery.rules
         self._fence_m: Final = recovery.path_m if rules.fence else -math.inf
         self._boxes_m: Final = recovery.path_m if rules.boxes else 0.0
@@ -102,7 +112,7 @@ class ReturnPath:
         self._anchor: _Anchor | None = None
         self._last: Point | None = None
         # Paths that keep only what certificates need.
-        self.narrow: Final = routes_to(terrain, place, self._boxes_m, self._fence_m, self._occupied)
+        self.narrow: Final = routes_to(terrain, place, self._boxes_m, self._fence_m, self._occupied, shared)
         self.longest_m: Final = max(self.roomy.longest_m, self.narrow.longest_m)
 
     @property
@@ -128,6 +138,22 @@ class ReturnPath:
     def fits(self, x_m: float, y_m: float) -> bool:
         """Return whether a place is as far from fence and boxes as narrow paths are."""
         return self._spare_m(x_m, y_m) >= -_ROUNDING_M
+
+    def open_around(self, rectangles: Sequence[Rectangle]) -> bool:
+        """Return whether a robot can drive all the way round rectangles that it keeps out of; False if that is unsure.
+
+        It can if no other rectangle, no box and no fence is in its way there.
+        """
+        roadmap = self.narrow.roadmap
+        if not isinstance(roadmap, Roadmap) or len(rectangles) > 1:
+            return False
+        low_x, low_y, high_x, high_y = rectangles[0]
+        low_x, low_y, high_x, high_y = low_x - _BESIDE_M, low_y - _BESIDE_M, high_x + _BESIDE_M, high_y + _BESIDE_M
+        if not all(self.fits(x, y) for x in (low_x, high_x) for y in (low_y, high_y)):
+            return False
+        lows_x, lows_y, highs_x, highs_y = roadmap.edges.T
+        meets = (lows_x <= high_x) & (highs_x >= low_x) & (lows_y <= high_y) & (highs_y >= low_y)
+        return bool(np.count_nonzero(meets) == 1)
 
     def track(self, x_m: float, y_m: float) -> None:
         """Keep the path up to date with where the robot is; call it at every tick."""
@@ -167,7 +193,8 @@ class ReturnPath:
         """Return the corners of a path around peers as they stand now; empty if there is none."""
         entry = self.entry(x_m, y_m)
         extra = (*self._occupied, *peers)
-        return Routes(self._terrain, self.place, self._boxes_m, self._fence_m, extra).legs(*entry)
+        routes = Routes(self._terrain, self.place, self._boxes_m, self._fence_m, extra, self._shared)
+        return routes.legs(*entry)
 
     def entry(self, x_m: float, y_m: float) -> Point:
         """Return the nearest place as far from the fence and the nearest box as paths are."""

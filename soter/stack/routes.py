@@ -1,8 +1,4 @@
-"""Shortest paths to one place past the boxes: a visibility graph over the corners of the grown boxes.
-
-Lozano-Perez and Wesley, "An algorithm for planning collision-free paths among polyhedral obstacles", CACM 1979.
-Axis-aligned boxes grown to rectangles keep it exact and small; its straight legs can be certified one by one.
-"""
+"""Shortest paths to one place: Dijkstra's algorithm over a roadmap."""
 
 from __future__ import annotations
 
@@ -10,109 +6,45 @@ import heapq
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, lru_cache
-from itertools import product
 from typing import Final
 
 import numpy as np
 
-from soter.geometry.edges import Floats, Indices
-from soter.geometry.workspace import crosses, grown
+from soter.geometry.edges import Floats
+from soter.stack.roadmap import Roadmap
 from soter.stack.site_routes import Rectangle, SiteRoadmap
 from soter.stack.site_terrain import SiteTerrain
-from soter.stack.terrain import Point, Terrain, crossing
-
-_CORNER_M: Final = 1e-6
-"""Corners stand off the rectangles by this much, so that a path round a corner does not count as through it."""
-
-_ROUNDING_M: Final = 1e-9
+from soter.stack.terrain import Point, Terrain
 
 _FEW: Final = 24
 """Up to this many corners, one after the other is quicker than NumPy."""
 
 
-class Roadmap:
-    """The corners around which paths may lead, and which of them see each other; shared by all goals.
-
-    Args:
-        terrain: fence and boxes.
-        clearance_m: body clearance of paths from boxes, as far as the ends of the path allow.
-        inset_m: distance of the corners of paths from the fence.
-        extra: more rectangles to keep out of, already grown: robots that stand in the way.
-    """
-
-    def __init__(self, terrain: Terrain, clearance_m: float, inset_m: float, extra: Sequence[Rectangle] = ()) -> None:
-        self._terrain: Final = terrain
-        self._clearance_m: Final = clearance_m
-        grow_m = terrain.body_radius_m + clearance_m
-        self.rectangles: Final = tuple(grown(box, grow_m) for box in terrain.boxes) + tuple(extra)
-        self._edges: Final[Floats] = np.array(self.rectangles, dtype=np.float64).reshape(-1, 4)
-        corners: list[Point] = []
-        for low_x, low_y, high_x, high_y in self.rectangles:
-            around = product((low_x - _CORNER_M, high_x + _CORNER_M), (low_y - _CORNER_M, high_y + _CORNER_M))
-            corners += [(x, y) for x, y in around if terrain.fence_m(x, y) >= inset_m and not self._covered(x, y)]
-        self.corners: Final = tuple(corners)
-        self.places: Final[Floats] = np.array(corners, dtype=np.float64).reshape(-1, 2)
-        self.neighbours: Final = tuple(self.seen_from(corner) for corner in corners)
-        self._ends: Final[Indices] = np.arange(len(corners) + 1)
-
-    def seen_from(self, place: Point) -> Indices:
-        """Return the indices of the corners that a place outside all rectangles sees."""
-        return np.flatnonzero(~crossing(np.array(place), self.places, self._edges).any(axis=1))
-
-    def seeing(self, place: Point) -> list[int]:
-        """Return the indices of the corners from which a leg leads to a place."""
-        return [index for index, (x, y) in enumerate(self.corners) if self.sees(x, y, *place)]
-
-    def ends(self, x: float, y: float) -> Indices:
-        """Return where the first leg of a path from a place may end: 0 stands for the goal, the corners follow."""
-        return self._ends
-
-    def sees(self, ax: float, ay: float, bx: float, by: float) -> bool:
-        """Return whether the straight leg from a to b keeps out of the rectangles, or only leads out of them.
-
-        A robot in the corner of a grown box may still be far enough from the box: there, its clearance counts.
-        """
-        left, right = (ax, bx) if ax < bx else (bx, ax)
-        low, high = (ay, by) if ay < by else (by, ay)
-        here_m = math.inf
-        for index, (low_x, low_y, high_x, high_y) in enumerate(self.rectangles):
-            if high_x <= left or low_x >= right or high_y <= low or low_y >= high:
-                if left != right and low != high:
-                    continue
-                if not (low_x < left < high_x and low < high) and not (low_y < low < high_y and left < right):
-                    continue
-            if low_x < ax < high_x and low_y < ay < high_y:
-                if index < len(self._terrain.boxes) and (here_m := self._terrain.clearance_m(ax, ay)) >= 0.0:
-                    continue
-                # From inside a box or a peer's room the leg may only lead outwards: never deeper than where it begins.
-                depth = min(ax - low_x, high_x - ax, ay - low_y, high_y - ay)
-                if crosses(ax, ay, bx, by, low_x + depth, low_y + depth, high_x - depth, high_y - depth):
-                    return False
-            elif crosses(ax, ay, bx, by, low_x, low_y, high_x, high_y):
-                return False
-        if here_m == math.inf:
-            return True
-        return self._terrain.segment_clearance_m(ax, ay, bx, by) >= min(self._clearance_m, here_m) - _ROUNDING_M
-
-    def _covered(self, x: float, y: float) -> bool:
-        return any(r[0] < x < r[2] and r[1] < y < r[3] for r in self.rectangles)
-
-
 @lru_cache(maxsize=8)
 def roadmap_of(
-    terrain: Terrain, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()
+    terrain: Terrain,
+    clearance_m: float,
+    inset_m: float,
+    extra: tuple[Rectangle, ...] = (),
+    shared: tuple[Rectangle, ...] = (),
 ) -> Roadmap | SiteRoadmap:
     """Return a roadmap; cached, so that paths to several places share it."""
-    kind = SiteRoadmap if isinstance(terrain, SiteTerrain) else Roadmap
-    return kind(terrain, clearance_m, inset_m, extra)
+    if isinstance(terrain, SiteTerrain):
+        return SiteRoadmap(terrain, clearance_m, inset_m, extra)
+    return Roadmap(terrain, clearance_m, inset_m, extra, shared)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def routes_to(
-    terrain: Terrain, place: Point, clearance_m: float, inset_m: float, extra: tuple[Rectangle, ...] = ()
+    terrain: Terrain,
+    place: Point,
+    clearance_m: float,
+    inset_m: float,
+    extra: tuple[Rectangle, ...] = (),
+    shared: tuple[Rectangle, ...] = (),
 ) -> Routes:
-    """Return the routes to a place, cached; see `Routes`."""
-    return Routes(terrain, place, clearance_m, inset_m, extra)
+    """Return the routes to a place, cached: modules are declared before robots are opened, and once more after."""
+    return Routes(terrain, place, clearance_m, inset_m, extra, shared)
 
 
 class Routes:
@@ -124,6 +56,7 @@ class Routes:
         clearance_m: body clearance of paths from boxes, as far as the ends of the path allow.
         inset_m: distance of the corners of paths from the fence.
         extra: more rectangles to keep out of, already grown: robots that stand in the way.
+        shared: see `Roadmap`.
 
     Attributes:
         roadmap: the corners and which of them see each other.
@@ -133,11 +66,17 @@ class Routes:
     """
 
     def __init__(
-        self, terrain: Terrain, place: Point, clearance_m: float, inset_m: float, extra: Sequence[Rectangle] = ()
+        self,
+        terrain: Terrain,
+        place: Point,
+        clearance_m: float,
+        inset_m: float,
+        extra: Sequence[Rectangle] = (),
+        shared: tuple[Rectangle, ...] = (),
     ) -> None:
         self.place: Final = place
         self._terrain: Final = terrain
-        self.roadmap: Final = roadmap_of(terrain, clearance_m, inset_m, tuple(extra))
+        self.roadmap: Final = roadmap_of(terrain, clearance_m, inset_m, tuple(extra), shared)
         # Index 0 is the place, the corners follow.
         self.corners: Final = (place, *self.roadmap.corners)
         self.next: Final = [0] * len(self.corners)
@@ -182,9 +121,6 @@ class Routes:
 
     def _looks(self) -> Iterator[float]:
         """Yield the lengths of the shortest paths from evenly spread places."""
-        if isinstance(self.roadmap, Roadmap):
-            yield from (self.distance_m(*place) for place in self._terrain.looks())
-            return
         for place, ends, away in self.roadmap.looks(self.place):
             length = float((away + self.to_go_m[ends]).min(initial=math.inf))
             yield length if length < math.inf else self.distance_m(*place)
