@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -200,3 +201,25 @@ def test_a_station_in_a_door_shuts_robots_in_and_one_beside_a_path_does_not(door
     # Who has the station in the door is shut in by none.
     more = [slow[each].module("battery").keep - fast[each].module("battery").keep for each in (1, 2)]
     assert more == pytest.approx([shut_in * waits, 0.0])
+
+
+corner = st.floats(0.0, 4.4)
+
+
+@given(
+    st.lists(st.tuples(corner, corner, st.floats(0.3, 1.5), st.floats(0.3, 1.5)), min_size=1, max_size=4),
+    st.lists(st.tuples(corner, corner, st.floats(0.05, 1.0), st.floats(0.05, 1.0)), max_size=3),
+)
+def test_all_places_around_a_station_in_the_open_see_the_next_one(
+    stations: list[tuple[float, float, float, float]], boxes: list[tuple[float, float, float, float]]
+) -> None:
+    terrain = Terrain(Workspace(5.0, 5.0, tuple(Box(x, y, x + w, y + h) for x, y, w, h in boxes), ()), RADIUS_M)
+    rooms = [(x, y, x + w, y + h) for x, y, w, h in stations]
+    path = dock(planner(terrain), Box(4.6, 4.6, 4.9, 4.9), rooms).path
+    for room in rooms:
+        if path.open_around([room]):
+            low_x, low_y, high_x, high_y = (room[0] - 1e-6, room[1] - 1e-6, room[2] + 1e-6, room[3] + 1e-6)
+            around = [(low_x, low_y), (high_x, low_y), (high_x, high_y), (low_x, high_y), (low_x, low_y)]
+            for one, other in pairwise(around):
+                assert path.fits(*one)
+                assert path.sees(one, other)

@@ -11,7 +11,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from soter.geometry.workspace import Box, Workspace
+from soter.stack.roadmap import Roadmap
 from soter.stack.routes import Routes
+from soter.stack.site_routes import Rectangle
 from soter.stack.terrain import Point, Terrain
 from tests.stack.ground import RADIUS_M, TERRAIN, between, boxes, inside
 
@@ -156,3 +158,26 @@ def test_corners_keep_off_the_fence_and_extra_rectangles_are_kept_out_of() -> No
 @pytest.mark.parametrize("place", [(1e308, 1e308), (-1e308, 2.0), (1e308, -1e308)])
 def test_from_a_place_beyond_all_numbers_nothing_overflows(place: Point) -> None:
     assert ROUTES.distance_m(*place) >= 1e300 or ROUTES.legs(*place) == []
+
+
+rectangles = boxes().map(lambda found: tuple((b.low_x_m, b.low_y_m, b.high_x_m, b.high_y_m) for b in found))
+
+
+@given(boxes(3), rectangles, st.data(), st.sampled_from([-math.inf, 0.0, 0.25]))
+def test_corners_see_each_other_whatever_other_robots_keep_out_of(
+    some: tuple[Box, ...], rooms: tuple[Rectangle, ...], data: st.DataObject, inset_m: float
+) -> None:
+    terrain = Terrain(Workspace(5.0, 5.0, some, ()), RADIUS_M)
+    extra = [room for room in rooms if data.draw(st.booleans())] + [*data.draw(rectangles)]
+    roadmap = Roadmap(terrain, CLEAR_M, inset_m, extra, rooms)
+    alone = Roadmap(terrain, CLEAR_M, inset_m, extra)
+    assert roadmap.corners == alone.corners
+    for index, corner in enumerate(roadmap.corners):
+        seen = [other for other, there in enumerate(roadmap.corners) if roadmap.sees(*corner, *there)]
+        assert roadmap.neighbours[index].tolist() == alone.neighbours[index].tolist() == seen
+    places = (HOME, *roadmap.corners)
+    for at, ends, away_m in roadmap.looks(HOME):
+        assert away_m.tolist() == pytest.approx([math.dist(at, places[end]) for end in ends])
+        within = any(r[0] < at[0] < r[2] and r[1] < at[1] < r[3] for r in roadmap.rectangles)
+        seen = [] if within else [end for end, there in enumerate(places) if roadmap.sees(*at, *there)]
+        assert sorted(ends.tolist()) == seen
