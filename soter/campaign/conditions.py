@@ -62,11 +62,19 @@ def figure(row: RunRow, name: str) -> float | None:
 
 @dataclass(frozen=True)
 class Judged:
-    """A judged requirement: its text, the finding, and whether it holds."""
+    """A judged requirement.
+
+    Attributes:
+        text: what is required.
+        found: what was found.
+        holds: whether it holds.
+        ran: whether anything was run that it could be judged by; it does not hold if not.
+    """
 
     text: str
     found: str
     holds: bool
+    ran: bool = True
 
 
 @dataclass(frozen=True)

@@ -117,8 +117,11 @@ def judge(campaign: Campaign, store: Store) -> dict[str, list[Judged]]:
 
 
 def _judged(campaign: Campaign, part: PartTable, rows: Sequence[RunRow], store: Store) -> list[Judged]:
-    finished = [row for row in rows if row.status != "failed"]
     required = part.require or (() if part.split else (NO_VIOLATION,))
+    if not rows:
+        texts = [*(each.text for each in required), *([] if part.until is None else [part.until.text])]
+        return [Judged(text, "no runs", holds=False, ran=False) for text in texts or ["its runs"]]
+    finished = [row for row in rows if row.status != "failed"]
     found = [condition.judge(_asked(condition, finished)) for condition in required]
     if part.split is not None:
         found.append(judge_split(campaign, part, rows))

@@ -236,6 +236,7 @@ def _sum_up(campaign: Campaign, store: Store, console: Console) -> int:
     for part, each in judged.items():
         for one in each:
             verdict = Text("holds", "green") if one.holds else Text("DOES NOT HOLD", "bold red")
+            verdict = verdict if one.ran else Text("not run", "yellow")
             console.print(Text.assemble(f"{part}: {one.text}: {one.found}: ", verdict), soft_wrap=True)
     broken = [one for each in judged.values() for one in each if not one.holds]
     if not broken:

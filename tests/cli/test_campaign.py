@@ -109,6 +109,17 @@ def test_a_page_needs_no_network_and_links_the_worst_runs(store: Path, tmp_path:
     assert soter("campaign", "report", store, "-o", page).exit_code == 2, "nothing is replaced unasked"
 
 
+@pytest.mark.usefixtures("here")
+def test_what_was_not_run_is_not_said_to_have_failed(tmp_path: Path) -> None:
+    path = write(tmp_path, {"seeds": [1]}, {"require": ["mean ac_share > 0"]})
+    assert soter("campaign", path, "--store", tmp_path / "kept.sqlite", "--only", "p0").exit_code == 0
+    assert soter("campaign", "report", tmp_path / "kept.sqlite", "-o", tmp_path / "page.html").exit_code == 0
+    text = (tmp_path / "page.html").read_text()
+    assert "What was run holds; not all that is required was run" in text
+    assert "<td>p1</td><td>mean ac_share &gt; 0</td><td>no runs</td><td>not run</td>" in text
+    assert "does not hold" not in text
+
+
 def test_a_document_gets_tables_with_the_commands_that_repeat_them(store: Path, tmp_path: Path) -> None:
     document = tmp_path / "page.md"
     document.write_text(f"before\n{BEGIN}\nwhat was there\n{END}\nafter\n")

@@ -55,7 +55,9 @@ def disengagements(found: Sequence[Group]) -> tuple[list[str], list[list[str]]]:
 def required(judged: Mapping[str, Sequence[Judged]], holds: str, fails: str) -> tuple[list[str], list[list[str]]]:
     """Return the head and the lines of a table of the parts' requirements; `holds` and `fails` are the verdicts."""
     rows = [
-        [part, each.text, each.found, holds if each.holds else fails] for part, some in judged.items() for each in some
+        [part, each.text, each.found, holds if each.holds else fails if each.ran else "not run"]
+        for part, some in judged.items()
+        for each in some
     ]
     return ["part", "required", "found", "verdict"], rows
 

@@ -37,7 +37,7 @@ def make_page(store: Store, judged: Mapping[str, Sequence[Judged]], recordings: 
     about = store.about()
     asked = [each for some in judged.values() for each in some]
     hours = sum(row.robot_hours for row in rows)
-    verdict = verdict_of(all(each.holds for each in asked), f"{len(rows)} runs, {hours:.4g} robot-hours")
+    verdict = verdict_of(asked, f"{len(rows)} runs, {hours:.4g} robot-hours")
     parts = [
         verdict,
         card("What is required", table(*required(judged, "holds", "does not hold"))),
@@ -95,9 +95,13 @@ def page_of(title: str, subtitle: str, parts: Iterable[str]) -> str:
     )  # fmt: skip
 
 
-def verdict_of(good: bool, words: str) -> str:
+def verdict_of(asked: Sequence[Judged], words: str) -> str:
     """Return the verdict at the top of a page."""
-    kind, strong = ("good", "All that is required holds") if good else ("bad", "Something required does not hold")
+    kind, strong = "good", "All that is required holds"
+    if not all(each.holds for each in asked if each.ran):
+        kind, strong = "bad", "Something required does not hold"
+    elif not all(each.ran for each in asked):
+        kind, strong = "unknown", "What was run holds; not all that is required was run"
     return f'<section class="verdict {kind}"><strong>{strong}</strong><span>{escape(words)}</span></section>'
 
 
