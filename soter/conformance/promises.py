@@ -13,7 +13,14 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         "a target straight behind with the present heading is driven to without turning",
     ),
     "reports_battery": (
-        ("capabilities.optional", "state.charge", "truth.state.charge", "state.full", "state.emptying"),
+        (
+            "capabilities.optional",
+            "state.charge",
+            "truth.state.charge",
+            "truth.state.discharge",
+            "state.full",
+            "state.emptying",
+        ),
         (
             "samples carry a charge, or none; it falls while the robot drives, from one sample to the next by no more "
             "than that explains, rises on the charger, and is the true one to a hundredth, from full to empty, where a "

@@ -87,6 +87,14 @@ def _charge_at_rest(robot: Any, state: RobotState) -> RobotState:
     return state._replace(battery=kept[0])
 
 
+def _charge_as_at_rest(robot: Any, state: RobotState) -> RobotState:
+    """Round the charge down, and sink to a lower one as slowly as at rest."""
+    said = math.floor(state.battery * 100.0) / 100.0 if state.battery is not None else 0.0
+    kept = memory(robot, "sinks", lambda: [said, state.stamp_s])
+    kept[:] = max(said, kept[0] - (state.stamp_s - kept[1]) / robot.spec.idle_s), state.stamp_s
+    return state._replace(battery=kept[0])
+
+
 def _waits_for_speed_only(self: Any, timeout_s: float) -> None:
     self._mux.revoke()
     while abs(self._v[self._index]) > 1e-3:
@@ -166,6 +174,8 @@ AFTERWARDS: Final[tuple[type[Broken], ...]] = (
            _connect=with_control(_pulled)),
     sampled("ChargeAtRest", "Measures its charge at rest only.", "truth.state.charge", "without a rest",
             _charge_at_rest),
+    sampled("SinksAsAtRest", "Sinks to a lower charge no faster than at rest.", "truth.state.discharge",
+            "drives on and on", _charge_as_at_rest),
     edited("ClosesTurning", "Waits at its close until it does not drive any more, and may turn.",
            "truth.lifecycle.close_stops", "rad in the second", _disconnect=_waits_for_speed_only),
     edited("BacksOff", "Backs off by itself where it touches something.", "truth.bounds.body", "bumper",

@@ -17,13 +17,13 @@ from soter.sdk import Controller, Link, Robot, RobotState, Truth, Waypoint
 
 _PERCENT = 0.01
 _ABOVE = 0.002
+_ROUNDED = 0.016
 _DRIVES_S = 10.0
 _RESTS_S = 30.0
-_ROUND_S = 40.0
+_ROUND_S, _LONG_ROUND_S = 40.0, 120.0
 _SELDOM_S = 1.0
 _CHARGES_S, _CHARGES_IN_PROCESS_S = 10.0, 40.0
-_ASIDE_RAD = 0.15
-_AHEAD_M = 0.4
+_AWAY, _AHEAD_RAD = 0.6, 0.25
 _FLAT = 0.002
 """A charge so low that it rounds to 0 per cent, which some adapters take for unknown."""
 
@@ -122,15 +122,7 @@ def true_charge(bench: Bench) -> None:
     if truth is None or robot.id not in truth.report().charges:
         raise NotTested("not declared: a truth that tells charges")
 
-    def go_round() -> bool:
-        # Always a little to the left, so that it never comes to rest.
-        at = bench.look(robot)
-        course_rad = at.heading_rad + _ASIDE_RAD
-        target = Waypoint(at.x_m + _AHEAD_M * math.cos(course_rad), at.y_m + _AHEAD_M * math.sin(course_rad))
-        robot.goto(target, Controller.AC)
-        return False
-
-    bench.run(min(2.0 * _PERCENT * robot.spec.drive_s, _ROUND_S), go_round)
+    bench.run(min(2.0 * _PERCENT * robot.spec.drive_s, _ROUND_S), lambda: _go_round(bench, robot))
     _compare_charges(bench, robot, truth, "driven without a rest")
     # At rest away from any charger the charge falls, too.
     bench.go(robot, bench.place(robot, 0.8))
@@ -143,6 +135,30 @@ def true_charge(bench: Bench) -> None:
         # On a wire a reported charge may be as old as the interval between its messages.
         rises = 0.0 if bench.caps.in_process else _SELDOM_S / robot.spec.charge_s
         _compare_charges(bench, robot, truth, "been charged", rises)
+
+
+@clause("truth.state.discharge", tier=Tier.TRUTH, needs=("reports_battery",))
+def discharge(bench: Bench) -> None:
+    """However long a robot drives on, it never says that more charge is left than there is."""
+    robot, truth = bench.open_one(), bench.fleet.truth
+    if truth is None or robot.id not in truth.report().charges:
+        raise NotTested("not declared: a truth that tells charges")
+    full_s, rests_s = robot.spec.drive_s, robot.spec.idle_s
+    # A charge rounded down may begin a hundredth too low: so long what rest alone explains does not make up for it.
+    lasts_s = _ROUNDED / (1.0 / full_s - 1.0 / rests_s) if rests_s > full_s else math.inf
+    compare = _Compared(bench, robot, "while it drives on and on")
+    bench.run(min(lasts_s, _LONG_ROUND_S), lambda: _go_round(bench, robot) or compare.look())
+    compare.judge_most()
+
+
+def _go_round(bench: Bench, robot: Robot) -> bool:
+    """Send a robot a little ahead on a circle, so that it never comes to rest; return False, to go on."""
+    at, (x_m, y_m, _) = bench.look(robot), bench.home(robot)
+    course_rad = math.atan2(at.y_m - y_m, at.x_m - x_m) + _AHEAD_RAD
+    away_m = _AWAY * bench.harness.room_m / 2.0
+    target = Waypoint(x_m + away_m * math.cos(course_rad), y_m + away_m * math.sin(course_rad))
+    robot.goto(target._replace(radius_m=bench.near_m), Controller.AC)
+    return False
 
 
 @clause("state.nearly_flat", needs=("reports_battery",))
@@ -280,7 +296,8 @@ def _is_not_above(bench: Bench, robot: Robot, said: float, left: float, when: st
     bench.require(
         said <= left + most,
         f"{when} the charge is said to be {said:.4f}, and {left:.4f} is left (allowed: {most:.4f} more): the way home "
-        "is paid for by what is left, so round it down, never up or to the middle of a step",
+        "is paid for by what is left, so round it down, never up or to the middle of a step, and do not take for it "
+        "a voltage that a charger has lifted, or one that it sinks to more slowly than the battery does",
     )
 
 
@@ -315,6 +332,10 @@ class _Compared:
             "such as one that says full from some charge on, or one that is smoothed or old",
         )  # fmt: skip
         _is_not_above(bench, self._robot, *self._above[1:], self._when, changes)
+
+    def judge_most(self) -> None:
+        """Fail the clause if a charge was above the true one."""
+        _is_not_above(self._bench, self._robot, *self._above[1:], self._when, 0.0)
 
 
 def _charge(state: RobotState) -> float:
