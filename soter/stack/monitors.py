@@ -70,12 +70,12 @@ class ChargeMonitor:
             if before is None:
                 self._unchanged[robot_id] = _Unchanged(charge, own.stamp_s, 0.0)
                 continue
-            passed_s = max(own.stamp_s - before.stamp_s, 0.0)
-            before.stamp_s = own.stamp_s
             # Any other charge starts a new measurement; one that has risen was charged.
             if charge != before.charge:
-                before.charge, before.driven_m = charge, 0.0
+                before.charge, before.stamp_s, before.driven_m = charge, own.stamp_s, 0.0
                 continue
+            passed_s = max(own.stamp_s - before.stamp_s, 0.0)
+            before.stamp_s = own.stamp_s
             before.driven_m = driven_m = before.driven_m + math.hypot(own.vx_m_s, own.vy_m_s) * passed_s
             used = driven_m * docks[robot_id].cost_per_m
             if used > _FROZEN_CHARGE:

@@ -161,6 +161,7 @@ class RightOfWay:
     def update(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
         """Find the encounters, and the order of their robots."""
         met, near_sq_m2 = self._met_s, self._near_m * self._near_m
+        # While every robot has its AC, nobody waits, is held, or is on its way to charge.
         settled = not (self._waits or self._held or self._homing or self._to_leave)
         for robot_id, robot in robots.items():
             settled = settled and robot.mode is AC
@@ -294,7 +295,7 @@ class RightOfWay:
 
     def _wait(self, now_s: float, robot: RobotSupervisor) -> _Wait | None:
         """Return since when modules other than the battery's have kept a robot from its AC; None if they do not."""
-        kept_by = [] if robot.mode is AC else [each for each in robot.modules if each.mode is SC]
+        kept_by = [each for each in robot.modules if each.mode is SC]
         if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
             self._waits.pop(robot.robot_id, None)
             return None
