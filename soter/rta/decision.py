@@ -152,24 +152,23 @@ class DecisionModule:
         phi_safe, model = self._phi_safe, self._model
         if phi_safe is None or model is None:
             return self._predicted_to_fail(situation)
-        margin = plain(phi_safe.margin(situation))
-        age_s = situation.age_s
+        margin, age_s = phi_safe.margin(situation), situation.age_s
+        if type(margin) is not float:
+            margin = plain(margin)
         if age_s == 0.0 and self._fixed_reach == self._fixed_reach:
             reach = self._fixed_reach
         else:
             reach = plain(model.reach(situation, self._look_s + age_s))
         self.margin, self.reach = margin, reach
         # Written so that a margin that is not a number counts as danger.
-        if margin - self._noise - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach):
+        if margin - self._noise - reach >= 0.0 and (
+            self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
+        ):
             return False
         unit, needed = phi_safe.unit, reach + self._noise
         room = f", and {self._keep:.3f} {unit} for its safe controller" if margin >= needed else ""
         self.cause = f"margin {margin:.3f} {unit} < reach {needed:.3f} {unit}{room}"
         return True
-
-    def _leaves_room(self, phi_safe: Region, situation: Situation, margin: float, reach: float) -> bool:
-        """Return whether the safe controller can still move wherever the AC may have taken the robot by then."""
-        return self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
 
     def _predicted_to_fail(self, situation: Situation) -> bool:
         predicate = self.module.ttf_2delta
@@ -187,7 +186,9 @@ class DecisionModule:
         reach = plain(model.reach(situation, self._look_s + situation.age_s))
         self.reach = reach
         sure = margin - self._noise
-        trusted = sure - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach)
+        trusted = sure - reach >= 0.0 and (
+            self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
+        )
         if not trusted and not self._safer_alone:
             return False
         if not self._was_engaged and sure >= self._horizon_reach:

@@ -116,6 +116,7 @@ class SimulatedRobot(Robot):
         self._velocity = world.engine.velocity
         self._vehicle = SimVehicle(self.declared.lease_s, bodies.limits[self._index], world.period_s)
         self._mux = self._vehicle.mux
+        self._id, self._now = spec.id, clock.now
         self._latest: RobotState | None = None
 
     def impair(self, left: float, right: float, brake: float, alive: bool) -> None:
@@ -141,7 +142,7 @@ class SimulatedRobot(Robot):
 
     def _sample(self) -> RobotState:
         vehicle_s = self._world.now_s
-        now_s = self.clock.now()
+        now_s = self._now()
         if not -_ROUNDING_S < now_s - vehicle_s < _ROUNDING_S:
             # Between two periods the sample is that of the last period.
             now_s = vehicle_s
@@ -159,7 +160,7 @@ class SimulatedRobot(Robot):
         index = self._index
         east, north = self._velocity(index)
         self._latest = latest = RobotState(
-            self.id, now_s, vehicle_s, self._x[index], self._y[index], 0.0, self._heading[index], east, north,
+            self._id, now_s, vehicle_s, self._x[index], self._y[index], 0.0, self._heading[index], east, north,
             self._yaw_rate[index], self._charge[index], mux.in_charge, goal_id, _UP,
         )  # fmt: skip
         return latest
