@@ -32,13 +32,16 @@ class SpeedBound(Motion):
         return self.v_max_m_s * time_s + self.stop_m
 
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
-        allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + ROUNDING_M
+        allowed_m = self._allowed_m(before, after, noise_m)
         dx, dy = after.x_m - before.x_m, after.y_m - before.y_m
         return allowed_m >= 0.0 and dx * dx + dy * dy <= allowed_m * allowed_m
 
     def excess(self, before: Sample, after: Sample, noise_m: float) -> tuple[float, str]:
         way_m = hypot(after.x_m - before.x_m, after.y_m - before.y_m)
-        return way_m - (self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + ROUNDING_M), "m"
+        return way_m - self._allowed_m(before, after, noise_m), "m"
+
+    def _allowed_m(self, before: Sample, after: Sample, noise_m: float) -> float:
+        return self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + ROUNDING_M
 
 
 class PairBound(ReachModel):
