@@ -160,7 +160,7 @@ class DecisionModule:
         else:
             reach = plain(model.reach(situation, self._look_s + age_s))
         self.margin, self.reach = margin, reach
-        # Written so that a margin that is not a number counts as danger. Wherever the AC may have taken the robot by the
+        # Written so that a margin that is not a number counts as danger. Wherever the AC has taken the robot by the
         # next look, its safe controller must still be able to move.
         if margin - self._noise - reach >= 0.0 and (
             self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
