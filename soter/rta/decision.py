@@ -160,16 +160,17 @@ class DecisionModule:
         else:
             reach = plain(model.reach(situation, self._look_s + age_s))
         self.margin, self.reach = margin, reach
-        # Written so that a margin that is not a number counts as danger. Wherever the AC has taken the robot by the
-        # next look, its safe controller must still be able to move.
-        if margin - self._noise - reach >= 0.0 and (
-            self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
-        ):
+        # Written so that a margin that is not a number counts as danger.
+        if margin - self._noise - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach):
             return False
         unit, needed = phi_safe.unit, reach + self._noise
         room = f", and {self._keep:.3f} {unit} for its safe controller" if margin >= needed else ""
         self.cause = f"margin {margin:.3f} {unit} < reach {needed:.3f} {unit}{room}"
         return True
+
+    def _leaves_room(self, phi_safe: Region, situation: Situation, margin: float, reach: float) -> bool:
+        """Return whether the safe controller can still move wherever the AC may have taken the robot by then."""
+        return self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
 
     def _predicted_to_fail(self, situation: Situation) -> bool:
         predicate = self.module.ttf_2delta
@@ -187,9 +188,7 @@ class DecisionModule:
         reach = plain(model.reach(situation, self._look_s + situation.age_s))
         self.reach = reach
         sure = margin - self._noise
-        trusted = sure - reach >= 0.0 and (
-            self._keep == 0.0 or phi_safe.leaves_room(situation, margin, self._keep, self._noise + reach)
-        )
+        trusted = sure - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach)
         if not trusted and not self._safer_alone:
             return False
         if not self._was_engaged and sure >= self._horizon_reach:

@@ -207,8 +207,7 @@ class ReturnPath:
             entry, found = self.entry(*here), anchor.before or anchor
             back_m = math.dist(entry, found.place)
             if back_m <= self._far_m(anchor) and self._recovery.free(*entry, *found.place):
-                radius_m = self._radius_m(here, entry, self._spare_m(*entry), anchor)
-                return _Anchor(entry, back_m + found.length_m, radius_m, None, found)
+                return _Anchor(entry, back_m + found.length_m, self._radius_m(here, entry, anchor), None, found)
         return self._look(here, anchor)
 
     def _far_m(self, anchor: _Anchor | None) -> float:
@@ -217,9 +216,9 @@ class ReturnPath:
             return self._cap_m
         return max(self._cap_m, _BACK_M, _BACK_SHARE * anchor.length_m)
 
-    def _radius_m(self, here: Point, entry: Point, spare_m: float, anchor: _Anchor | None) -> float:
+    def _radius_m(self, here: Point, entry: Point, anchor: _Anchor | None) -> float:
         """Return the radius around `here` within which all places see the entry: clearance falls a metre per metre."""
-        return math.dist(here, entry) + min(max(spare_m, 0.0), self._far_m(anchor))
+        return math.dist(here, entry) + min(max(self._spare_m(*entry), 0.0), self._far_m(anchor))
 
     def _spare_m(self, x_m: float, y_m: float) -> float:
         terrain = self._terrain
@@ -227,11 +226,8 @@ class ReturnPath:
 
     def _look(self, here: Point, anchor: _Anchor | None) -> _Anchor | None:
         """Return the anchor for a place, with the best of the roadmaps' paths and the way back."""
-        entry, spare_m = here, self._spare_m(*here)
-        if spare_m < 0.0:
-            entry = self.entry(*here)
-            spare_m = self._spare_m(*entry)
-        radius_m = self._radius_m(here, entry, spare_m, anchor)
+        entry = self.entry(*here)
+        radius_m = self._radius_m(here, entry, anchor)
         length_m = self.roomy.distance_m(*entry)
         if anchor is not None and length_m <= math.dist(entry, anchor.place) + anchor.length_m and not anchor.before:
             # No way back is shorter.
