@@ -27,10 +27,7 @@ _START_S: Final = 210.0
 """Time after which a process that is not ready for its first clause is killed."""
 
 _MOST_JOBS: Final = 8
-_LONGEST: Final = (
-    "endurance.minute", "several.second", "truth.capabilities.asked", "deadman.stays", "truth.bounds.overshoot",
-    "truth.bounds.pivot", "truth.state.charge", "truth.state.discharge",
-)  # fmt: skip
+_LONGEST: Final = ("endurance.minute", "several.second", "truth.capabilities.asked")
 """The longest clauses: tried early when clauses run side by side, since a late one would delay the end."""
 
 _LOOK_S: Final = 0.05
