@@ -87,7 +87,7 @@ class DecisionModule:
         self._keep = module.keep
         self._noise = plain(module.phi_safe.noise(timing.noise_m)) if module.phi_safe is not None else 0.0
         unit = "" if module.phi_safe is None else module.phi_safe.unit
-        self.monitor: Final = ModuleMonitor(module.model, self._noise, timing.sample_age_s, unit)
+        self.monitor: Final = ModuleMonitor(module.model, self._noise, timing.sample_age_s, unit, grows=not foreign)
         self._fixed_reach = (
             plain(module.model.bound(self._look_s))
             if module.model is not None and not module.model.depends_on_state

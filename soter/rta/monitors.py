@@ -53,6 +53,8 @@ class ModuleMonitor:
         noise: by how much the margin may be wrong.
         sample_age_s: by how much longer the time between two samples may be than that between two looks.
         unit: of the margin.
+        grows: whether R(T) is known to grow with T, so that a fall of less than R(0) needs no closer look; a model of a
+            user's own may not.
 
     Attributes:
         looks: how often the margin was judged.
@@ -69,6 +71,7 @@ class ModuleMonitor:
     noise: float = 0.0
     sample_age_s: float = 0.0
     unit: str = "m"
+    grows: bool = False
     looks: int = field(default=0, init=False)
     to_sc: int = field(default=0, init=False)
     to_ac: int = field(default=0, init=False)
@@ -82,8 +85,7 @@ class ModuleMonitor:
     _at_once: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
-        if self.model is not None:
-            # R(T) grows with T, so that a smaller fall needs no closer look.
+        if self.model is not None and self.grows:
             self._at_once = self._fall_at_most(0.0, self.model)
 
     def look(self, now_s: float, margin: float, before: Controller, after: Controller) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import cached_property, lru_cache
-from itertools import product
 from typing import Final
 
 import numpy as np
@@ -18,13 +17,13 @@ from numpy.typing import NDArray
 
 from soter.geometry.edges import Floats, Indices
 from soter.geometry.workspace import crosses, grown
-from soter.stack.site_routes import Rectangle
+from soter.stack.site_routes import Rectangle, around, covered
 from soter.stack.terrain import Point, Terrain, crossing
 
-_CORNER_M: Final = 1e-6
-"""Corners stand off the rectangles by this much, so that a path round a corner does not count as through it."""
-
 _ROUNDING_M: Final = 1e-9
+
+_AT_ONCE: Final = 256
+"""How many places are looked from together: memory holds so many rows of numbers at a time, not one for each corner."""
 
 _Counts = NDArray[np.int16]
 
@@ -61,13 +60,13 @@ class Roadmap:
         known: list[int] = []
         corners: list[Point] = []
         for rectangle in self.rectangles:
-            around = self._sights.corners.get(rectangle)
-            if around is None:
-                around = dict.fromkeys(_corners(terrain, inset_m, rectangle), -1)
-            corners += around
-            known += around.values()
+            rows = self._sights.corners.get(rectangle)
+            if rows is None:
+                rows = dict.fromkeys(_corners(terrain, inset_m, rectangle), -1)
+            corners += rows
+            known += rows.values()
         places = np.array(corners, dtype=np.float64).reshape(-1, 2)
-        outside = ~_covered(places, self.edges)
+        outside = ~covered(places, self.edges)
         self.places: Final[Floats] = places[outside]
         self.corners: Final = tuple((x, y) for x, y in self.places.tolist())
         self._known: Final[Indices] = np.array(known, dtype=np.intp)[outside]
@@ -91,7 +90,7 @@ class Roadmap:
         ats, crossed = self._sights.looks
         if not len(ats):
             return []
-        outside = ~_covered(ats, self.edges)
+        outside = ~covered(ats, self.edges)
         seen = self._open(ats, crossed) & outside[:, None]
         home = outside & (_crossings(ats, np.array([last]), self.rectangles)[:, 0] == 0)
         looks = []
@@ -167,9 +166,9 @@ class _Sights:
         self.corners: Final[dict[Rectangle, dict[Point, int]]] = {}
         places: list[Point] = []
         for rectangle in rectangles:
-            around = _corners(terrain, inset_m, rectangle)
-            self.corners[rectangle] = {corner: index for index, corner in enumerate(around, start=len(places))}
-            places += around
+            found = _corners(terrain, inset_m, rectangle)
+            self.corners[rectangle] = {corner: index for index, corner in enumerate(found, start=len(places))}
+            places += found
         self._places: Final[Floats] = np.array(places, dtype=np.float64).reshape(-1, 2)
         self.crossed: Final = _crossings(self._places, self._places, rectangles)
 
@@ -186,19 +185,17 @@ def _sights_of(terrain: Terrain, inset_m: float, rectangles: tuple[Rectangle, ..
 
 
 def _corners(terrain: Terrain, inset_m: float, rectangle: Rectangle) -> list[Point]:
-    low_x, low_y, high_x, high_y = rectangle
-    around = product((low_x - _CORNER_M, high_x + _CORNER_M), (low_y - _CORNER_M, high_y + _CORNER_M))
-    return [(x, y) for x, y in around if terrain.fence_m(x, y) >= inset_m]
-
-
-def _covered(places: Floats, edges: Floats) -> NDArray[np.bool_]:
-    """Return which places are inside a rectangle."""
-    inside = (edges[:, :2] < places[:, None]) & (places[:, None] < edges[:, 2:])
-    return np.asarray(np.any(np.all(inside, axis=2), axis=1), dtype=np.bool_)
+    return [(x, y) for x, y in around(*rectangle) if terrain.fence_m(x, y) >= inset_m]
 
 
 def _crossings(a: Floats, b: Floats, rectangles: Iterable[Rectangle]) -> _Counts:
     """Return how many rectangles the leg from each of some places (rows) to each of others (columns) crosses."""
+    rectangles = tuple(rectangles)
+    parts = [_crossed(a[row : row + _AT_ONCE], b, rectangles) for row in range(0, len(a), _AT_ONCE)]
+    return np.concatenate(parts) if parts else np.zeros((0, len(b)), dtype=np.int16)
+
+
+def _crossed(a: Floats, b: Floats, rectangles: Sequence[Rectangle]) -> _Counts:
     counts = np.zeros((len(a), len(b)), dtype=np.int16)
     low = [np.minimum.outer(a[:, axis], b[:, axis]) for axis in (0, 1)]
     high = [np.maximum.outer(a[:, axis], b[:, axis]) for axis in (0, 1)]

@@ -130,14 +130,14 @@ class Routes:
         # Nothing is shorter than the straight line.
         if self.roadmap.sees(x_m, y_m, *self.place):
             return 0, math.dist((x_m, y_m), self.place)
-        for length, end in self._over(x_m, y_m):
+        for length, end in self._lengths(x_m, y_m):
             if length == math.inf:
                 break
             if end != 0 and self.roadmap.sees(x_m, y_m, *self.corners[end]):
                 return end, length
         return None, math.inf
 
-    def _over(self, x_m: float, y_m: float) -> Iterable[tuple[float, int]]:
+    def _lengths(self, x_m: float, y_m: float) -> Iterable[tuple[float, int]]:
         """Return the lengths of paths from a point over each corner near it, whether seen or not; the least first."""
         if self._few is not None:
             return sorted([(math.hypot(x - x_m, y - y_m) + to_go, end) for end, (x, y, to_go) in enumerate(self._few)])

@@ -58,11 +58,11 @@ class SiteRoadmap:
         self._extra: Final[Floats] = np.array(extra, dtype=np.float64).reshape(-1, 4)
         self._base: Final = _base(terrain, clearance_m, inset_m)
         places, pairs = self._base
-        clear = ~self._covered(places)
+        clear = ~covered(places, self._extra)
         pairs = pairs[clear[pairs].all(axis=1)]
         pairs = pairs[~crossing(places[pairs[:, 0]], places[pairs[:, 1]], self._extra).any(axis=1)]
-        added = np.array([corner for box in self._extra for corner in _around(*box)]).reshape(-1, 2)
-        added = added[~self._covered(added) & _stands(terrain, clearance_m, inset_m, added)]
+        added = np.array([corner for box in self._extra for corner in around(*box)]).reshape(-1, 2)
+        added = added[~covered(added, self._extra) & _stands(terrain, clearance_m, inset_m, added)]
         self.places: Final[Floats] = np.concatenate([places, added])
         self.corners: Final[tuple[Point, ...]] = tuple((x, y) for x, y in self.places.tolist())
         more = [
@@ -89,7 +89,7 @@ class SiteRoadmap:
         order = np.argsort(away, kind="stable")
         many = len(order) > _ALL_PAIRS
         order = order[: 10 * _NEAREST] if many else order
-        within = self._covered(self.places[order])
+        within = covered(self.places[order], self._extra)
         # Corners keep the distances of paths: of a leg that begins at one, only the end counts.
         seen = self._open(self.places[order], np.array(place), self._clearance_m, self._terrain.fence_m(*place))
         seen &= ~crossing(self.places[order], np.array(place), self._extra).any(axis=1)
@@ -159,11 +159,6 @@ class SiteRoadmap:
                 return True
         return False
 
-    def _covered(self, places: Floats) -> NDArray[np.bool_]:
-        low, high = self._extra[:, :2], self._extra[:, 2:]
-        inside = (low < places[:, None]) & (places[:, None] < high)
-        return np.asarray(np.any(np.all(inside, axis=2), axis=1), dtype=np.bool_)
-
 
 def _stands(terrain: SiteTerrain, clearance_m: float, inset_m: float, places: Floats) -> NDArray[np.bool_]:
     low_x, low_y, high_x, high_y = terrain.bounds
@@ -172,7 +167,14 @@ def _stands(terrain: SiteTerrain, clearance_m: float, inset_m: float, places: Fl
     return inside & terrain.lines_keep(places, places, clearance_m, inset_m or 1e-12)
 
 
-def _around(low_x: float, low_y: float, high_x: float, high_y: float) -> list[Point]:
+def covered(places: Floats, rectangles: Floats) -> NDArray[np.bool_]:
+    """Return which places are inside a rectangle."""
+    inside = (rectangles[:, :2] < places[:, None]) & (places[:, None] < rectangles[:, 2:])
+    return np.asarray(np.any(np.all(inside, axis=2), axis=1), dtype=np.bool_)
+
+
+def around(low_x: float, low_y: float, high_x: float, high_y: float) -> list[Point]:
+    """Return the corners of paths around a rectangle."""
     return [*product((low_x - _OFF_M, high_x + _OFF_M), (low_y - _OFF_M, high_y + _OFF_M))]
 
 

@@ -50,10 +50,12 @@ def test_the_least_margin_and_broken_looks_are_those_of_the_margins(margins: lis
 
 @given(st.lists(st.floats(0.0, 5.0), min_size=2, max_size=50))
 def test_surprises_are_falls_by_more_than_the_model_allows(margins: list[float]) -> None:
-    made = monitor()
+    made, quick = monitor(), ModuleMonitor(SPEED, grows=True)
     times = [step * 0.1 for step in range(len(margins))]
     for now_s, margin in zip(times, margins, strict=True):
         made.look(now_s, margin, AC, AC)
+        quick.look(now_s, margin, AC, AC)
+    assert (quick.surprises, quick.found) == (made.surprises, made.found)
     expected = [
         before - after > SPEED.bound(late_s - early_s)
         for before, after, early_s, late_s in zip(margins, margins[1:], times, times[1:], strict=False)
@@ -95,6 +97,20 @@ def test_a_rule_that_was_broken_by_a_leap_is_no_failure_of_the_recovery() -> Non
     assert made.found.cause == "the margin fell by 2.000 within 0.100 s"
     made.look(0.2, -1.0, SC, SC)
     assert made.found.assumption is Assumption.RECOVERY
+
+
+class Shrinks(SpeedBound):
+    """A user's model that allows for any fall, but only at once."""
+
+    def bound(self, time_s: float) -> float:
+        return super().bound(time_s) if time_s > 0.0 else 1e6
+
+
+def test_a_model_that_allows_for_more_at_once_than_later_hides_nothing() -> None:
+    made = monitor(Shrinks(0.22, 1.0))
+    made.look(0.0, 3.0, AC, AC)
+    made.look(0.1, 1.0, AC, AC)
+    assert made.surprises == 1
 
 
 def test_noise_is_no_finding() -> None:

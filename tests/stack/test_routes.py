@@ -181,3 +181,14 @@ def test_corners_see_each_other_whatever_other_robots_keep_out_of(
         within = any(r[0] < at[0] < r[2] and r[1] < at[1] < r[3] for r in roadmap.rectangles)
         seen = [] if within else [end for end, there in enumerate(places) if roadmap.sees(*at, *there)]
         assert sorted(ends.tolist()) == seen
+
+
+@given(boxes(), st.lists(inside, min_size=1, max_size=5))
+def test_few_corners_are_looked_at_as_many_are(some: tuple[Box, ...], places: list[Point]) -> None:
+    terrain = Terrain(Workspace(5.0, 5.0, some, ()), RADIUS_M)
+    few = Routes(terrain, HOME, CLEAR_M, 0.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("soter.stack.routes._FEW", 0)
+        many = Routes(terrain, HOME, CLEAR_M, 0.0)
+    for place in places:
+        assert few.distance_m(*place) == pytest.approx(many.distance_m(*place), abs=1e-12)

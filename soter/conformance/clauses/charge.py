@@ -148,7 +148,7 @@ def discharge(bench: Bench) -> None:
     lasts_s = _ROUNDED / (1.0 / full_s - 1.0 / rests_s) if rests_s > full_s else math.inf
     compare = _Compared(bench, robot, "while it drives on and on")
     bench.run(min(lasts_s, _LONG_ROUND_S), lambda: _go_round(bench, robot) or compare.look())
-    compare.judge_most()
+    compare.judge_above()
 
 
 def _go_round(bench: Bench, robot: Robot) -> bool:
@@ -333,7 +333,7 @@ class _Compared:
         )  # fmt: skip
         _is_not_above(bench, self._robot, *self._above[1:], self._when, changes)
 
-    def judge_most(self) -> None:
+    def judge_above(self) -> None:
         """Fail the clause if a charge was above the true one."""
         _is_not_above(self._bench, self._robot, *self._above[1:], self._when, 0.0)
 
