@@ -25,8 +25,8 @@ STARTS: Final = "start"
 class Permission(Protocol):
     """The arbiter's say in giving a robot back to its AC."""
 
-    def permits(self, module: str, situation: Situation) -> bool:
-        """Return whether the other robots allow this robot to go back to its AC now."""
+    def permits(self, module: str, situation: Situation, since_s: float) -> bool:
+        """Return whether the other robots allow this robot, which the module took then, to go back to its AC now."""
 
 
 class DecisionModule:
@@ -112,7 +112,7 @@ class DecisionModule:
         self._follow(situation)
         if not situation.now_s - self._judged_ok_since_s >= self.module.dwell_s - 1e-9:
             return False
-        if self._permission is not None and not self._permission.permits(self.name, situation):
+        if self._permission is not None and not self._permission.permits(self.name, situation, self.since_s):
             return False
         self.mode = AC
         self.cause = ""

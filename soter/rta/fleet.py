@@ -107,8 +107,9 @@ class Neighbours:
         """Refresh `situation.peers` of every robot; samples in `others` are those of remote robots, peers of all."""
         count = len(robots)
         if count <= FEW:
+            known = (*samples, *others)
             for index, robot in enumerate(robots):
-                robot.situation.peers = (*samples[:index], *samples[index + 1 :], *others)
+                robot.situation.peers = known[:index] + known[index + 1 :]
             return
         per_m, floor = self._per_m, math.floor
         cells: dict[tuple[int, int], list[Sample]] = {}
@@ -184,10 +185,11 @@ class Supervisor:
             self._before_decisions(now_s, self.robots)
         tick = self._tick
         counter = time.perf_counter
+        begun_s = counter()
         for robot in robots:
-            start_s = counter()
             robot.decide(tick)
-            robot.decide_s = counter() - start_s
+            ended_s = counter()
+            robot.decide_s, begun_s = ended_s - begun_s, ended_s
         for robot in robots:
             robot.act()
         self._tick = tick + 1

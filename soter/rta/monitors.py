@@ -99,9 +99,8 @@ class ModuleMonitor:
         model = self.model
         if model is None:
             return
-        elapsed_s = now_s - self._last_s
-        if before is SC and elapsed_s > 0.0:
-            self.sc_s += elapsed_s
+        if before is SC and now_s > self._last_s:
+            self.sc_s += now_s - self._last_s
         if margin < self.least_margin:
             self.least_margin = margin
         fall = self._last_margin - margin
@@ -112,12 +111,12 @@ class ModuleMonitor:
                 first = math.isnan(self._last_margin)
                 assumption = Assumption.START if first else Assumption.RECOVERY
                 self.found = BrokenAssumption(assumption, f"margin {margin:.3f}", -margin, self.unit)
-        if self._at_once < fall < math.inf and fall > (most := self._fall_at_most(elapsed_s, model)):
+        if self._at_once < fall < math.inf and fall > (most := self._fall_at_most(now_s - self._last_s, model)):
             self.surprises += 1
             if not model.of_pairs and self._last_margin >= 0.0:
                 # The samples are tested on their own: where they are right, it is the world that has changed, or the
                 # margin falls faster than its model says. Where that broke the rule, no safe controller could help.
-                cause = f"the margin fell by {fall:.3f} within {elapsed_s:.3f} s"
+                cause = f"the margin fell by {fall:.3f} within {now_s - self._last_s:.3f} s"
                 self.found = BrokenAssumption(Assumption.WORKSPACE, cause, fall - most, self.unit)
         self._last_margin, self._last_s = margin, now_s
 
@@ -145,12 +144,13 @@ class SampleMonitor:
 
     def __init__(self, models: Sequence[ReachModel], timing: Timing) -> None:
         self._models: Final = tuple(models)
-        self._timing: Final = timing
+        self._sample_age_s: Final = timing.sample_age_s
+        self._noise_m: Final = timing.noise_m
 
     def look(self, now_s: float, before: Sample, sample: Sample) -> BrokenAssumption | None:
         """Return what is wrong with a sample that was read at fleet time `now_s`, or None."""
         age_s = now_s - sample.stamp_s
-        most_s = self._timing.sample_age_s
+        most_s = self._sample_age_s
         if age_s > most_s + ROUNDING_S:
             cause = f"sample is {age_s:.3f} s old, declared at most {most_s:.3f} s"
             return BrokenAssumption(Assumption.SAMPLE_AGE, cause, age_s - most_s, "s")
@@ -164,22 +164,22 @@ class SampleMonitor:
             back_s = before.stamp_s - sample.stamp_s
             return BrokenAssumption(Assumption.CLOCK, f"stamps went back by {back_s:.3f} s", back_s, "s")
         for model in self._models:
-            if not model.admits(before, sample, self._timing.noise_m):
+            if not model.admits(before, sample, self._noise_m):
                 return self._outside(model, before, sample)
         return None
 
     def _outside(self, model: ReachModel, before: Sample, sample: Sample) -> BrokenAssumption:
         cause = f"sample outside the reach set of {type(model).__name__}"
         if model.assumption is not Assumption.MOTION:
-            return BrokenAssumption(model.assumption, cause, *model.excess(before, sample, self._timing.noise_m))
+            return BrokenAssumption(model.assumption, cause, *model.excess(before, sample, self._noise_m))
         way_m, elapsed_s = _apart_m(before, sample), sample.stamp_s - before.stamp_s
         speed_m_s = max(_speed_m_s(before), _speed_m_s(sample))
         cause += f": {way_m:.3f} m in {elapsed_s:.3f} s at no more than {speed_m_s:.3f} m/s"
         # A robot that is too fast reports a speed that explains the distance; otherwise its position is wrong.
-        unexplained_m = way_m - (speed_m_s * elapsed_s + 2.0 * self._timing.noise_m + _ROUNDING_M)
+        unexplained_m = way_m - (speed_m_s * elapsed_s + 2.0 * self._noise_m + _ROUNDING_M)
         if unexplained_m > 0.0:
             return BrokenAssumption(Assumption.POSITION_NOISE, cause, unexplained_m, "m")
-        return BrokenAssumption(Assumption.MOTION, cause, *model.excess(before, sample, self._timing.noise_m))
+        return BrokenAssumption(Assumption.MOTION, cause, *model.excess(before, sample, self._noise_m))
 
 
 class StopMonitor:
@@ -214,7 +214,8 @@ class StopMonitor:
 
     def lease(self, now_s: float, sample: Sample, withheld: bool) -> None:
         """Note whether the lease was withheld."""
-        self._lease.note(now_s, sample, withheld)
+        if withheld or self._lease.start is not None:
+            self._lease.note(now_s, sample, withheld)
 
     def look(self, now_s: float, sample: Sample) -> BrokenAssumption | None:
         """Return the assumption that the robot broke by running on, or None."""

@@ -151,8 +151,11 @@ class RobotSupervisor:
         a controller and no longer does follows a pilot, another program or nobody, until it is ready again.
         """
         reported = self.actuator.reported(sample)
+        if reported is self.mode:
+            self._disowned, self._reports = False, True
+            return
         settled = self._owed is None and sample.stamp_s > self._handed_over_s + self._timing.latency_s + ROUNDING_S
-        self._disowned = settled and reported is not None and reported is not self.mode
+        self._disowned = settled and reported is not None
         self._reports = self._reports or reported is not None
         if self._disowned:
             self._raise_alarm(Assumption.AUTHORITY, f"the robot reports {reported} in charge, not {self.mode}")

@@ -207,11 +207,12 @@ def assemble(
     charges = ChargeMonitor()
     batteries = {each.robot_id: module for each in supervisors for module in each.modules if module.name == BATTERY}
 
+    homes = [(each, docks[each.robot_id], batteries.get(each.robot_id)) for each in supervisors]
+
     def before_decisions(now_s: float, bound: Mapping[int, RobotSupervisor]) -> None:
-        for robot_id, supervisor in bound.items():
-            dock, own = docks[robot_id], supervisor.situation.own
+        for supervisor, dock, battery in homes:
+            own = supervisor.situation.own
             dock.path.track(own.x_m, own.y_m)
-            battery = batteries.get(robot_id)
             if battery is not None:
                 in_sc = battery.mode is SC
                 # All modules begin in SC: for a while, that does not mean that the battery's module has fired.

@@ -154,7 +154,6 @@ class RightOfWay:
         self._remote_needs_charge: Final = needs_charge
         self._met_s: dict[tuple[int, int], float] = {}
         self._encounters: dict[int, Encounter] = {}
-        self._disengaged_s: dict[int, float] = {}
         self._waits: dict[int, _Wait] = {}
         self._held: dict[int, str] = {}
 
@@ -173,9 +172,6 @@ class RightOfWay:
                 dx, dy = peer.x_m - own.x_m, peer.y_m - own.y_m
                 if dx * dx + dy * dy < near_sq_m2:
                     met[min(robot_id, peer_id), max(robot_id, peer_id)] = now_s
-            collision = self._modules(robot).collision
-            if collision is not None:
-                self._disengaged_s[robot_id] = collision.since_s if collision.mode is SC else now_s
         if not settled:
             self._leave_alone(now_s, robots)
             if self._find_homing(now_s, robots) or self._to_leave:
@@ -208,8 +204,11 @@ class RightOfWay:
         """Return whether a robot is kept from its AC so that it gets away from one that has waited long."""
         return robot_id in self._held
 
-    def permits(self, module: str, situation: Situation) -> bool:
-        """Return whether a module may release a robot: collision by the order, one that holds it for a peer never."""
+    def permits(self, module: str, situation: Situation, since_s: float) -> bool:
+        """Return whether a module may release a robot that it has kept from its AC since then.
+
+        The collision module may by the order of encounters, one that holds the robot for a peer never.
+        """
         if self._held.get(situation.robot_id) == module:
             return False
         if module != COLLISION:
@@ -218,7 +217,7 @@ class RightOfWay:
             return False
         if self.first(situation.robot_id):
             return True
-        if situation.now_s - self._disengaged_s.get(situation.robot_id, situation.now_s) >= PATIENCE_S:
+        if situation.now_s - since_s >= PATIENCE_S:
             return True
         own = situation.own
         clear_m = self._clear_m

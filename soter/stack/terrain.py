@@ -18,6 +18,9 @@ from soter.geometry.workspace import Workspace, crosses
 CELL_M: Final = 0.1
 """Side of the cells among which refuges are chosen."""
 
+_NEAR_CELL_M: Final = 0.5
+"""Side of the cells for which the boxes that may be the nearest are kept."""
+
 _LOOKS: Final = 400
 """About how many evenly spread places sample a whole workspace."""
 
@@ -54,7 +57,7 @@ class Terrain:
         self.body_radius_m = body_radius_m
         self.boxes: Final = workspace.boxes
         self._edges: Final = tuple((b.low_x_m, b.low_y_m, b.high_x_m, b.high_y_m) for b in workspace.boxes)
-        self._near: dict[tuple[int, int], tuple[Edges, ...]] = {}
+        self._near: dict[tuple[float, float], tuple[Edges, ...]] = {}
         self._lay_cells(CELL_M)
         self.cell_fence: Final[NDArray[np.float64]] = np.minimum(
             np.minimum(self.cell_x, self.width_m - self.cell_x), np.minimum(self.cell_y, self.depth_m - self.cell_y)
@@ -144,7 +147,7 @@ class Terrain:
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
         """Return the distance of a body at a point to the nearest box; negative where they overlap."""
-        near = self._near.get((int(x_m), int(y_m)))
+        near = self._near.get((x_m // _NEAR_CELL_M, y_m // _NEAR_CELL_M))
         if near is None:
             near = self._nearest_boxes(x_m, y_m)
         least = math.inf
@@ -152,7 +155,12 @@ class Terrain:
             # Inside a box, the distance to the nearer edge counts, which is the way out.
             dx = low_x - x_m if x_m + x_m < low_x + high_x else x_m - high_x
             dy = low_y - y_m if y_m + y_m < low_y + high_y else y_m - high_y
-            distance = math.sqrt(dx * dx + dy * dy) if dx > 0.0 and dy > 0.0 else max(dx, dy)
+            if dx > 0.0 and dy > 0.0:
+                distance = math.sqrt(dx * dx + dy * dy)
+            elif dx > dy:
+                distance = dx
+            else:
+                distance = dy
             if distance < least:
                 least = distance
         return least - self.body_radius_m
@@ -236,13 +244,18 @@ class Terrain:
         return least - self.body_radius_m
 
     def _nearest_boxes(self, x_m: float, y_m: float) -> tuple[Edges, ...]:
-        """Return the boxes that may be the nearest to some point of the same 1 m cell; cached by cell.
+        """Return the boxes that may be the nearest to some point of the same cell; cached by cell.
 
         A box whose least distance to the cell exceeds another box's largest one is left out.
+
+        Raises:
+            ValueError: the place is not finite; no distance to it would be less than any other.
         """
-        column, row = int(x_m), int(y_m)
-        # int() rounds towards 0: the cells next to an axis extend to both sides of it.
-        cell = (min(column, column - 1.0), min(row, row - 1.0), column + 1.0, row + 1.0)
+        if not math.isfinite(x_m + y_m):
+            raise ValueError(f"({x_m}, {y_m}) is no place, allowed: finite")
+        column, row = x_m // _NEAR_CELL_M, y_m // _NEAR_CELL_M
+        low_x, low_y = column * _NEAR_CELL_M, row * _NEAR_CELL_M
+        cell = (low_x, low_y, low_x + _NEAR_CELL_M, low_y + _NEAR_CELL_M)
         looks = [(_apart(cell, edges), _farthest(cell, edges), edges) for edges in self._edges]
         bound = min((farthest for _, farthest, _ in looks), default=math.inf)
         found = tuple(edges for apart, _, edges in looks if apart <= bound)

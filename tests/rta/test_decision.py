@@ -26,7 +26,7 @@ class Say:
         self.answer = answer
         self.asked: list[str] = []
 
-    def permits(self, module: str, situation: Situation) -> bool:
+    def permits(self, module: str, situation: Situation, since_s: float) -> bool:
         self.asked.append(module)
         return self.answer
 
@@ -300,3 +300,9 @@ def test_a_region_may_be_phi_safer_of_predicates() -> None:
     assert not made.decide(situation(NAN, 0.0))
     assert not made.decide(situation(0.4, 0.1))
     assert made.decide(situation(0.6, 0.2))
+
+
+@pytest.mark.parametrize("foreign", [False, True])
+def test_only_shipped_models_are_held_to_grow_with_time(foreign: bool) -> None:
+    made = DecisionModule(module(delta_s=0.1), TIMING, TICK_S, foreign=foreign)
+    assert made.monitor.grows is not foreign

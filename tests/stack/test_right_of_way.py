@@ -51,7 +51,8 @@ class Meeting:
 
     def permits(self, number: int, module: str = "collision") -> bool:
         situation: Situation = self.robots[number].situation
-        return self.rule.permits(module, situation)
+        known = self.rigs[number].modules.get(module)
+        return self.rule.permits(module, situation, math.inf if known is None else known.since_s)
 
 
 NEAR: tuple[Point, Point] = ((0.0, 0.0), (NEAR_M - 0.01, 0.0))

@@ -31,6 +31,12 @@ def test_clearance_is_the_distance_to_the_nearest_box(some: tuple[Box, ...], at:
     assert clearance == pytest.approx(terrain.workspace.clearance_m(*at, RADIUS_M), abs=1e-12), "one meaning everywhere"
 
 
+@pytest.mark.parametrize("at", [(math.nan, 1.0), (1.0, math.inf), (-math.inf, 1.0)])
+def test_a_place_that_is_not_finite_is_not_clear_of_all_boxes(at: Point) -> None:
+    with pytest.raises(ValueError, match="allowed: finite"):
+        TERRAIN.clearance_m(*at)
+
+
 @given(boxes(), anywhere, anywhere)
 def test_the_clearance_of_a_segment_is_the_least_along_it(some: tuple[Box, ...], a: Point, b: Point) -> None:
     terrain = terrain_of(some)
