@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -119,11 +120,14 @@ class MachineHost:
                     scene.rooms[robot_id].terrain, path.delta_s, path.phi_safe_m, path.phi_safer_m, HOME_CLEARANCE_M
                 )
         everybody = {**ports, **scene.peers}
+        # What robots of other processes promise is not known here.
+        speeds = [each.v_max_m_s for each in scene.capabilities.values()]
+        fastest_m_s = math.inf if scene.peers else max(speeds, default=math.inf)
         kits = {
             robot_id: RobotKit(
                 robot_id, port, {other: peer for other, peer in everybody.items() if other != robot_id},
                 self._submit, self._subscribe, seed, scene.rooms[robot_id].disc_m, self._mission.target_timeout_s,
-                scene.rooms[robot_id].arrival_m, scene.capabilities[robot_id],
+                scene.rooms[robot_id].arrival_m, scene.capabilities[robot_id], fastest_m_s,
             )
             for robot_id, port in ports.items()
         }  # fmt: skip

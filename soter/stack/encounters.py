@@ -16,6 +16,12 @@ from soter.stack.kit import RobotKit, RobotPort
 AHEAD_S: Final = 2.0
 """Encounters farther in the future are ignored: they may never come, since robots do not know each other's paths."""
 
+LOOK_S: Final = 0.25
+"""A robot looks this often for those that it is about to meet, while it may meet any."""
+
+_LOOKS_LEFT_OUT: Final = 8
+"""At most so many looks in a row are left out while all others are far away."""
+
 _TURNS_RAD_S: Final = 0.1
 _MEETING_SHARE: Final = 0.95
 """Share of the distance that plans keep at which robots meet; below 1, so that passing as planned is no encounter."""
@@ -51,6 +57,22 @@ def duty(kit: RobotKit, own: RobotState) -> Duty:
     if any(robot_id < kit.robot_id and not stands(kit, peer) for robot_id, peer in met.items()):
         return Duty.WAIT
     return Duty.GO_ROUND if any(stands(kit, peer) for peer in met.values()) else Duty.NONE
+
+
+def looks_again_s(kit: RobotKit, own: RobotState) -> float:
+    """Return when a robot has to look for encounters next, in seconds: before that, no peer can come near enough."""
+    closing_m_s = kit.promised.v_max_m_s + kit.peers_v_max_m_s
+    enough_m = _MEETING_SHARE * kit.disc_m + closing_m_s * AHEAD_S
+    looks = 1.0 + _LOOKS_LEFT_OUT
+    for peer in kit.peers.values():
+        state = peer.state
+        if state is None:
+            return LOOK_S
+        spare_m = hypot(state.x_m - own.x_m, state.y_m - own.y_m) - enough_m
+        # Written so that NaN in a peer's state leaves out no look.
+        if not spare_m >= looks * LOOK_S * closing_m_s:
+            looks = max(spare_m // (LOOK_S * closing_m_s), 1.0) if spare_m > 0.0 else 1.0
+    return looks * LOOK_S
 
 
 def has_to_wait(kit: RobotKit, own: RobotState) -> bool:

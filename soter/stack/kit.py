@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -29,6 +30,7 @@ class RobotKit:
         target_timeout_s: time with the AC in control after which a target is given up.
         arrival_radius_m: distance at which a target counts as reached.
         promised: the robot's capabilities.
+        peers_v_max_m_s: top speed of the fastest of the other robots; infinite if that is not known.
     """
 
     robot_id: int
@@ -41,3 +43,4 @@ class RobotKit:
     target_timeout_s: float
     arrival_radius_m: float
     promised: Capabilities
+    peers_v_max_m_s: float = math.inf

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -154,6 +154,8 @@ class RightOfWay:
         self._remote_needs_charge: Final = needs_charge
         self._met_s: dict[tuple[int, int], float] = {}
         self._encounters: dict[int, Encounter] = {}
+        self._grouped: Set[tuple[int, int]] = frozenset()
+        self._groups: Sequence[frozenset[int]] = ()
         self._waits: dict[int, _Wait] = {}
         self._held: dict[int, str] = {}
 
@@ -294,7 +296,7 @@ class RightOfWay:
 
     def _wait(self, now_s: float, robot: RobotSupervisor) -> _Wait | None:
         """Return since when modules other than the battery's have kept a robot from its AC; None if they do not."""
-        kept_by = [each for each in robot.modules if each.mode is SC]
+        kept_by = () if robot.mode is AC else [each for each in robot.modules if each.mode is SC]
         if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
             self._waits.pop(robot.robot_id, None)
             return None
@@ -305,20 +307,14 @@ class RightOfWay:
         return wait
 
     def _form(self, now_s: float, robots: Mapping[int, RobotSupervisor]) -> None:
-        groups: dict[int, set[int]] = {}
-        for one, other in self._met_s:
-            merged = groups.get(one, {one}) | groups.get(other, {other})
-            for member in merged:
-                groups[member] = merged
+        if self._met_s.keys() != self._grouped:
+            self._grouped, self._groups = set(self._met_s), _groups(self._met_s)
         encounters: dict[int, Encounter] = {}
-        for robot_id in sorted(groups):
-            members = frozenset(groups[robot_id])
-            if robot_id != min(members):
-                continue
+        for members in self._groups:
             # A group that grows or shrinks keeps the order of its oldest part.
             since_s = min((e.since_s for m in members if (e := self._encounters.get(m)) is not None), default=now_s)
             homing = [member for member in self._homing if member in members]
-            others = [member for member in members if member not in self._homing]
+            others = members.difference(homing)
             ranked = sorted(others, key=lambda member: (not self._needs_charge(robots, member), member))
             turn = int((now_s - since_s) / TURN_S) % max(len(ranked), 1)
             encounter = Encounter(members, since_s, (*homing, *ranked[turn:], *ranked[:turn]))
@@ -336,6 +332,15 @@ class RightOfWay:
     def _needs_charge(self, robots: Mapping[int, RobotSupervisor], robot_id: int) -> bool:
         robot = robots.get(robot_id)
         return self._remote_needs_charge(robot_id) if robot is None else needs_charge(robot)
+
+
+def _groups(pairs: Iterable[tuple[int, int]]) -> list[frozenset[int]]:
+    """Return the groups of robots of which each has met another of its group; that with the lowest id first."""
+    groups: dict[int, frozenset[int]] = {}
+    for one, other in pairs:
+        merged = groups.get(one, frozenset((one,))) | groups.get(other, frozenset((other,)))
+        groups.update(dict.fromkeys(merged, merged))
+    return sorted(set(groups.values()), key=min)
 
 
 def _of_pairs(module: DecisionModule) -> bool:

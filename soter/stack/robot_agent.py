@@ -8,12 +8,11 @@ from typing import Final
 from soter.machine import Goto, Machine, MachineRef, Next, State, Stay, Timer
 from soter.sdk import RobotState, Waypoint
 from soter.stack import events
-from soter.stack.encounters import Duty, duty, has_to_wait
+from soter.stack.encounters import LOOK_S, Duty, duty, has_to_wait, looks_again_s
 from soter.stack.kit import RobotKit
 from soter.stack.motion_planner import MotionPlanner
 
 RETRY_S: Final = 1.0
-LOOK_S: Final = 0.25
 SET_OFF_S: Final = 0.5
 """A robot that set off less than this ago has no velocity yet that shows where it goes."""
 
@@ -54,13 +53,12 @@ class RobotAgent(Machine):
 
     @Idle.on(events.LookAbout)
     def _look_idly(self, e: events.LookAbout) -> Next:
-        self.after(LOOK_S, e)
+        self._look_later(e)
         return Stay()
 
     @Visiting.on(events.LookAbout)
     def _look(self, e: events.LookAbout) -> Next:
-        self.after(LOOK_S, e)
-        own = self.kit.port.state
+        own = self._look_later(e)
         # Without a running timer the robot does not drive.
         if self.timer is None or own is None:
             return Stay()
@@ -145,6 +143,12 @@ class RobotAgent(Machine):
             return Stay()
         self.send(self.motion_planner, events.AbandonPath(self.request_id))
         return self._end(events.TargetOutcome.TIMED_OUT)
+
+    def _look_later(self, e: events.LookAbout) -> RobotState | None:
+        """Set the time of the next look; return the robot's state."""
+        own = self.kit.port.state
+        self.after(LOOK_S if self.waits or own is None else looks_again_s(self.kit, own), e)
+        return own
 
     def _wait(self, own: RobotState) -> None:
         """Stop, and stand until the others are past. The target's time goes on."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import cos, hypot, pi, sin
+from dataclasses import replace
+from math import cos, hypot, nan, pi, sin
 from pathlib import Path
 
 import pytest
@@ -13,10 +14,10 @@ from soter.config import load_mission
 from soter.rta import GoalReport, Port
 from soter.runner import run_mission
 from soter.sdk import Link, RobotState, Waypoint
-from soter.stack.encounters import AHEAD_S, Duty, duty, has_to_wait
+from soter.stack.encounters import AHEAD_S, LOOK_S, Duty, duty, has_to_wait, looks_again_s
 from soter.stack.events import TargetOutcome
 from soter.stack.kit import RobotKit
-from soter.stack.robot_agent import LOOK_S, SET_OFF_S
+from soter.stack.robot_agent import SET_OFF_S
 from tests.sdk.fake import CAPABILITIES, STATE
 from tests.stack.test_machines import TIMEOUT_S, Mission
 
@@ -169,3 +170,32 @@ def test_two_in_a_small_room_are_seldom_taken_because_of_each_other() -> None:
     assert result.violations == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
     # Without anybody making way it is 24 times.
     assert result.disengagements["collision"] <= 6
+
+
+@given(st.floats(0.0, 8.0), DIRECTIONS, DIRECTIONS, DIRECTIONS, st.floats(0.0, 0.22), st.floats(0.0, 0.22))
+def test_no_encounter_is_missed_by_looking_later(
+    apart_m: float, there: float, to_1: float, to_2: float, v_1_m_s: float, v_2_m_s: float
+) -> None:
+    one = at(1, 0.0, 0.0, v_1_m_s * cos(to_1), v_1_m_s * sin(to_1))
+    two = at(2, apart_m * cos(there), apart_m * sin(there), v_2_m_s * cos(to_2), v_2_m_s * sin(to_2))
+    kit = replace(kit_of(two, one), peers_v_max_m_s=CAPABILITIES.v_max_m_s)
+    later_s = looks_again_s(kit, two)
+    assert later_s >= LOOK_S
+    if later_s == LOOK_S:
+        return
+    # Until the look that is left out last, straight at each other is the worst that the two can do.
+    gap_m = apart_m - (later_s - LOOK_S) * (kit.promised.v_max_m_s + kit.peers_v_max_m_s)
+    ahead = at(1, 0.0, 0.0, CAPABILITIES.v_max_m_s), at(2, gap_m, 0.0, -CAPABILITIES.v_max_m_s)
+    assert duty(kit_of(ahead[1], ahead[0]), ahead[1]) is Duty.NONE
+
+
+def test_while_a_peer_is_not_heard_of_or_its_speed_is_not_known_every_look_counts() -> None:
+    far, own = at(1, 50.0, 0.0), at(2, 0.0, 0.0)
+    kit = kit_of(own, far)
+    assert looks_again_s(kit, own) == LOOK_S, "what the peer promises is not known"
+    kit = replace(kit, peers_v_max_m_s=1.0)
+    assert looks_again_s(kit, own) > LOOK_S
+    kit.peers[1].state = far._replace(x_m=nan)
+    assert looks_again_s(kit, own) == LOOK_S
+    kit.peers[1].state = None
+    assert looks_again_s(kit, own) == LOOK_S
