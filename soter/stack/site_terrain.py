@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from soter.geometry.site import Site, refuse
 from soter.geometry.workspace import Workspace
 from soter.stack.terrain import CELL_M, Point, Terrain
 
-_OF_RECTANGLES: Final = frozenset({"width_m", "depth_m", "boxes", "cell_fence", "cell_clearance"})
 _CELLS: Final = 1_000_000
 """Most cells to retreat to: a large site has larger cells instead of more."""
 
@@ -41,12 +40,6 @@ class SiteTerrain(Terrain):
         self.body_radius_m = body_radius_m
         low_x, low_y, high_x, high_y = self.bounds = site.bounds
         self._lay_cells(max(CELL_M, math.sqrt((high_x - low_x) * (high_y - low_y) / _CELLS)))
-
-    def __getattr__(self, name: str) -> Any:
-        # Code that only knows rectangles must not take a site for its bounding box.
-        if name in _OF_RECTANGLES:
-            refuse(name)
-        raise AttributeError(f"a site's terrain has no '{name}'")
 
     def fence_m(self, x_m: float, y_m: float) -> float:
         return self.site.fence_m(x_m, y_m)
@@ -123,6 +116,15 @@ class SiteTerrain(Terrain):
             last_columns, last_rows = self.window(high_x, high_y, max(needed_m, 0.0))
             part = slice(columns.start, last_columns.stop), slice(rows.start, last_rows.stop)
             fits[part] &= _away(piece.ring, self.cell_x[part], self.cell_y[part]) >= needed_m
+
+
+def _of_rectangles(name: str) -> property:
+    return property(lambda _: refuse(name))
+
+
+# Code that only knows rectangles must not take a site for its bounding box.
+for _name in ("width_m", "depth_m", "boxes", "cell_fence", "cell_clearance"):
+    setattr(SiteTerrain, _name, _of_rectangles(_name))
 
 
 _ALL_M: Final = 1e6
