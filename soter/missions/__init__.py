@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Final
 
 from soter.missions.mission import Mission
-from soter.missions.names import make_mission, mission_class, options_of
+from soter.missions.names import checked, make_mission, mission_class
 from soter.missions.script import Arrival, Robot, ScriptFailed
 from soter.missions.stage import Stage
 
@@ -18,7 +18,7 @@ __all__ = [
     "Robot",
     "ScriptFailed",
     "Stage",
+    "checked",
     "make_mission",
     "mission_class",
-    "options_of",
 ]

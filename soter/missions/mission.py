@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+from soter.geometry.workspace import Workspace
 from soter.missions.script import Robot, RobotScript, Script
 from soter.missions.stage import Stage
 
@@ -35,6 +37,19 @@ class Mission:
 
     def __init__(self, options: Any) -> None:
         self.options = options
+
+    @classmethod
+    def check_workspace(cls, options: Any, workspace: Workspace, body_radius_m: Mapping[int, float]) -> None:
+        """Refuse a workspace that the mission cannot be done in, before any robot is opened; by default none is.
+
+        Args:
+            options: an instance of `Options`.
+            workspace: fence, obstacles and charging stations.
+            body_radius_m: body radii of the robots, by id.
+
+        Raises:
+            ConfigError: it cannot be done; `key` names the option that does not fit.
+        """
 
     async def run(self, robot: Robot) -> None:
         """Command one robot; called once for each. A robot whose script has ended stays where it is.

@@ -11,6 +11,7 @@ from typing import Final
 from soter.config import MissionFile, validate_options
 from soter.config.tables import SURVEILLANCE
 from soter.errors import ConfigError
+from soter.geometry.workspace import Workspace
 from soter.loading import described, file_of, known_target, load_class
 from soter.missions.mission import Mission
 from soter.missions.script import Robot
@@ -76,19 +77,48 @@ def options_of(file: MissionFile, found: type[Mission]) -> Mission.Options:
     return validate_options(model, file.options, file.source, "mission", overridden=file.overridden)
 
 
-def make_mission(file: MissionFile) -> Mission:
-    """Return the mission that a mission file names, with the options of its table.
+def checked(
+    file: MissionFile, workspace: Workspace, body_radius_m: Mapping[int, float]
+) -> tuple[type[Mission], Mission.Options]:
+    """Return the class and the options of the mission that a mission file names; it can be done in the workspace.
+
+    Args:
+        file: the mission file.
+        workspace: fence, obstacles and charging stations.
+        body_radius_m: body radii of the robots, by id.
 
     Raises:
-        ConfigError: see `mission_class`; an option is unknown or not allowed, or making the mission fails.
+        ConfigError: see `mission_class` and `options_of`; or the mission cannot be done in the workspace.
     """
     found = mission_class(file)
     options = options_of(file, found)
+    try:
+        found.check_workspace(options, workspace, body_radius_m)
+    except ConfigError as refusal:
+        key = refusal.key or "mission"
+        raise file.refusal(key, str(refusal).removeprefix(f"{key}: ")) from refusal
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # foreign code
+        raise _failed(file, failure) from failure
+    return found, options
+
+
+def make_mission(file: MissionFile, workspace: Workspace, body_radius_m: Mapping[int, float]) -> Mission:
+    """Return the mission that a mission file names, with the options of its table, for a workspace and robots.
+
+    Raises:
+        ConfigError: see `checked`; or making the mission fails.
+    """
+    found, options = checked(file, workspace, body_radius_m)
     try:
         return found(options)
     except KeyboardInterrupt:
         raise
     except BaseException as failure:  # foreign code
-        raise file.refusal(
-            "mission", f"'{file.mission.use}' failed: {described(failure, file_of(file.mission.use))}"
-        ) from failure
+        raise _failed(file, failure) from failure
+
+
+def _failed(file: MissionFile, failure: BaseException) -> ConfigError:
+    use = file.mission.use
+    return file.refusal("mission", f"'{use}' failed: {described(failure, file_of(use))}")

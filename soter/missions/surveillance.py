@@ -62,8 +62,9 @@ class Targets:
         if name == "grid" and not all(self._grids.values()):
             radius_m = next(radius_m for radius_m, places in self._grids.items() if not places)
             raise ConfigError(
-                f"targets: it is 'grid', and no integer point in the workspace has room for a body of {radius_m:g} m; "
-                "allowed here: 'uniform', 'hostile'"
+                f"it is 'grid', and no integer point in the workspace has room for a body of {radius_m:g} m; "
+                "allowed here: 'uniform', 'hostile'",
+                key="targets",
             )
         draws: dict[str, Callable[[random.Random, float], Place]] = {
             "grid": lambda stream, radius_m: stream.choice(self._grids[radius_m]),
@@ -158,6 +159,10 @@ class Surveillance(Mission):
         targets: TargetSet = DEFAULT_TARGETS
 
     options: Options
+
+    @classmethod
+    def check_workspace(cls, options: Options, workspace: Workspace, body_radius_m: Mapping[int, float]) -> None:
+        Targets(workspace, body_radius_m, options.targets, 0)
 
     def begin(self, stage: Stage) -> None:
         targets = Targets(stage.workspace, stage.body_radius_m, self.options.targets, stage.seed)

@@ -14,6 +14,7 @@ from soter.runner.controller_host import ControllerHost
 from soter.runner.machine_host import MachineHost
 from soter.runner.mission_host import MissionHost
 from soter.runner.part import Part
+from soter.specs import promises_of
 from soter.stack.planners.names import PlannerUnavailable, planner_class
 
 
@@ -49,12 +50,16 @@ def check_names(mission: MissionFile) -> None:
     Nothing is made of them. A planner whose library is not installed here passes.
 
     Raises:
-        ConfigError: there is no such mission, controller or planner, or it does not allow an option.
+        ConfigError: there is no such mission, controller or planner, it does not allow an option, or the mission cannot
+            be done in the workspace.
+        BackendError: the mission's backend cannot be loaded.
     """
     if mission.ac != MISSION:
         controllers.options_of(mission, controllers.controller_class(mission))
         return
-    missions.options_of(mission, missions.mission_class(mission))
+    workspace = mission.read_workspace()
+    promised = promises_of(mission, workspace)
+    missions.checked(mission, workspace, {robot_id: each.body_radius_m for robot_id, each in promised.items()})
     try:
         planner = planner_class(mission.planner, partial(mission.refusal, "planner"))
     except PlannerUnavailable:

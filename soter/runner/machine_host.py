@@ -82,7 +82,9 @@ class MachineHost:
         self._clock: Clock | None = None
         self._part: Final = part
         # Robots of a remote task planner need no mission here: their targets come over the bus.
-        self._mission_code: Final = make_mission(mission) if part is None or part.planner else None
+        self._mission_code: Final = (
+            make_mission(mission, workspace, body_radius_m) if part is None or part.planner else None
+        )
         self._scene: Scene | None = None
         self._said = 0
         self._runtime: Final = Runtime(

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from soter.adapters.pybullet.backend import KinematicBackend
 from soter.check import admission
 from soter.check.conditions import Certainty, Finding
 from soter.cli import app
@@ -203,6 +204,20 @@ def test_what_a_run_refuses_of_what_a_mission_names_is_refused_in_the_same_words
         said.append(done.output.splitlines()[-1])
     assert len({*said}) == 1, said
     assert "command line: " in said[0]
+
+
+def test_a_mission_that_cannot_be_done_in_its_workspace_is_refused_before_a_robot_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    corridor = "polygon = [[0.1, 0.1], [2.9, 0.1], [2.9, 0.9], [0.1, 0.9]]"
+    (tmp_path / "corridor.toml").write_text(f"[fence]\n{corridor}\n[[station]]\nx_m = 0.6\ny_m = 0.5\n")
+    mission = tmp_path / "mission.toml"
+    mission.write_text('workspace = "corridor.toml"\nbackend = "kinematic"\ntargets = "grid"\nrobots = 1\n')
+    monkeypatch.setattr(KinematicBackend, "open", lambda *_: pytest.fail("robots were opened"))
+    for command, more in (("run", ("--no-record", "--duration", "1")), ("check", ("--budget", "2"))):
+        done = CliRunner().invoke(app, [command, str(mission), "--set", "planner=straight-line", *more])
+        assert done.exit_code == 2, (command, done.output)
+        assert f"{mission.name}:3: targets: it is 'grid', and no integer point" in done.output
 
 
 @pytest.mark.parametrize(

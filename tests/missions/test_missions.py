@@ -13,7 +13,7 @@ import pytest
 
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
-from soter.missions import ROOM, make_mission, waypoints
+from soter.missions import ROOM, Mission, make_mission, waypoints
 from soter.missions.names import not_awaited
 from soter.record.reader import Recording
 from soter.runner import Run, run_mission
@@ -48,6 +48,10 @@ def told(name: str, options: dict[str, Any] | None = None, file: Path = ROOM, **
     use = name if ":" in name or "." in name else f"tests.missions.scripts:{name}"
     given = {"battery.initial": [1.0, 1.0], "duration_s": 10.0, **overrides}
     return load_mission(file, {**given, "mission": {"use": use, **(options or {})}})
+
+
+def made(mission: MissionFile) -> Mission:
+    return make_mission(mission, mission.read_workspace(), {1: 0.105, 2: 0.105})
 
 
 def ran(name: str, options: dict[str, Any] | None = None, **overrides: Any) -> Run:
@@ -282,10 +286,10 @@ class Mine(Mission):
         {statement}
 """)
     if not words:
-        assert make_mission(told(str(tmp_path / "mine.py"))) is not None
+        assert made(told(str(tmp_path / "mine.py"))) is not None
         return
     with pytest.raises(ConfigError) as caught:
-        make_mission(told(str(tmp_path / "mine.py")))
+        made(told(str(tmp_path / "mine.py")))
     assert words in str(caught.value)
     assert caught.value.key == "mission"
 
@@ -318,7 +322,7 @@ def test_what_is_wrong_with_a_name_is_said_before_anything_moves(name: str, word
         (tmp_path / f"{file}.py").write_text(text)
     name = str(tmp_path / name) if ".py" in name else name
     with pytest.raises(ConfigError) as caught:
-        make_mission(told(name))
+        made(told(name))
     assert words in str(caught.value)
     assert caught.value.key == "mission"
 
@@ -329,7 +333,7 @@ def test_what_is_wrong_with_a_name_is_said_before_anything_moves(name: str, word
 )
 def test_options_that_are_not_allowed_are_named(options: dict[str, Any], key: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        make_mission(told("Ends", options))
+        made(told("Ends", options))
     assert key in str(caught.value)
 
 
@@ -341,7 +345,7 @@ def test_targets_are_for_missions_that_have_them() -> None:
     other = load_mission(EXAMPLES / "surveillance.toml", {"mission": "tests.missions.scripts:Wanders"})
     assert (other.options, other.targets_from) == ({}, ""), "the file's were those of its mission"
     with pytest.raises(ConfigError, match=r"mission\.targets"):
-        make_mission(told("Wanders", targets="grid"))
+        made(told("Wanders", targets="grid"))
 
 
 def test_files_that_name_the_app_are_understood(tmp_path: Path) -> None:
@@ -412,7 +416,7 @@ def test_a_large_site_is_looked_at_in_parts_that_block_no_mission() -> None:
         yield
 
     robot: Any = SimpleNamespace(workspace=Room(), body_radius_m=0.105, sleep=sleep)
-    script = make_mission(load_mission(EXAMPLES / "missions" / "coverage.toml"))
+    script = made(load_mission(EXAMPLES / "missions" / "coverage.toml"))
     running = script.run(robot)
     for row in range(1, 4):
         running.send(None)
@@ -431,9 +435,9 @@ def test_each_robot_visits_its_own_places_and_is_done(caplog: pytest.LogCaptureF
 @pytest.mark.parametrize("where", [[40_000.0, 1.0], [1.0, float("nan")], [-float("inf"), 1.0]])
 def test_waypoints_that_no_robot_can_be_sent_to_are_refused(where: list[float]) -> None:
     with pytest.raises(ConfigError, match=r"mission\.robots\.1"):
-        make_mission(load_mission(ROOM, {"mission": {"use": "waypoints", "robots": {"1": [where]}}}))
+        made(load_mission(ROOM, {"mission": {"use": "waypoints", "robots": {"1": [where]}}}))
 
 
 def test_waypoints_without_any_place_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"nowhere to go; give points, or robots\.N"):
-        make_mission(load_mission(ROOM, {"mission": {"use": "waypoints", "robots": {"1": []}}}))
+        made(load_mission(ROOM, {"mission": {"use": "waypoints", "robots": {"1": []}}}))
