@@ -149,8 +149,8 @@ class SampleMonitor:
 
     def look(self, now_s: float, before: Sample, sample: Sample) -> BrokenAssumption | None:
         """Return what is wrong with a sample that was read at fleet time `now_s`, or None."""
-        age_s = now_s - sample.stamp_s
-        most_s = self._sample_age_s
+        stamp_s, most_s = sample.stamp_s, self._sample_age_s
+        age_s = now_s - stamp_s
         if age_s > most_s + ROUNDING_S:
             cause = f"sample is {age_s:.3f} s old, declared at most {most_s:.3f} s"
             return BrokenAssumption(Assumption.SAMPLE_AGE, cause, age_s - most_s, "s")
@@ -160,8 +160,8 @@ class SampleMonitor:
             return BrokenAssumption(
                 Assumption.CLOCK, f"sample is stamped {-age_s:.3f} s ahead of the clock", -age_s, "s"
             )
-        if sample.stamp_s < before.stamp_s:
-            back_s = before.stamp_s - sample.stamp_s
+        if stamp_s < before.stamp_s:
+            back_s = before.stamp_s - stamp_s
             return BrokenAssumption(Assumption.CLOCK, f"stamps went back by {back_s:.3f} s", back_s, "s")
         for model in self._models:
             if not model.admits(before, sample, self._noise_m):

@@ -301,7 +301,7 @@ class Robot(ABC):
             raise LifecycleError(f"robot {self.__id}: {call}() before init()")
 
     def __admit(self, sample: RobotState, now_s: float) -> RobotState | None:
-        previous = self.__state
+        previous, stamp_s = self.__state, sample.stamp_s
         finite = math.isfinite(
             sample.x_m
             + sample.y_m
@@ -310,15 +310,15 @@ class Robot(ABC):
             + sample.vx_m_s
             + sample.vy_m_s
             + sample.yaw_rate_rad_s
-            + sample.stamp_s
+            + stamp_s
         )
         battery = sample.battery
         if (
             not finite
             or sample.robot_id != self.__id
             or (battery is not None and not 0.0 <= battery <= 1.0)
-            or (previous is not None and sample.stamp_s < previous.stamp_s)
-            or sample.stamp_s > now_s + FUTURE_S
+            or (previous is not None and stamp_s < previous.stamp_s)
+            or stamp_s > now_s + FUTURE_S
         ):
             self.__discarded += 1
             return previous
