@@ -134,7 +134,10 @@ class PymavlinkLink(MavlinkLink):
                 _place(agreed[0]), _place(peer), 1 if before is None else before.messages + 1, received_s
             )
             if before is None:
-                logger.warning("system %d: %s; give each vehicle a system id of its own", system, found)
+                logger.warning(
+                    "system %d: heard at %s, which is used, and at %s; unless it has been restarted these are two "
+                    "vehicles: give each vehicle a system id of its own", system, found.agreed, found.other,
+                )  # fmt: skip
             return False
         if agreed is not None and agreed[0] != peer:
             logger.warning("system %d: silent at %s, and now at %s", system, _place(agreed[0]), _place(peer))
