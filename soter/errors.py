@@ -123,6 +123,10 @@ class IllFormedModule(SoterError):
         self.module, self.condition, self.why, self.would_do = module, condition, message, would_do or {}
         super().__init__(f"module '{module}' is ill-formed ({condition}): {message}")
 
+    def named(self, module: str) -> IllFormedModule:
+        """Return the same failure under the name that a module has in its mission."""
+        return type(self)(module, self.condition, self.why, self.would_do)
+
 
 class RunFailed(SoterError):
     """A run ended early; its robots are stopped and its recording is closed."""

@@ -104,6 +104,13 @@ def promises(
         _check_tick(mission, each)
     ids = [*declared]
     faults = read_faults(mission, ids)
+    for fault in faults:
+        if fault.kind.needs_vehicle and not hasattr(backend.robot_class, "impair"):
+            raise mission.refusal(
+                f"fault.{fault.index}.kind",
+                f"it is '{fault.options.kind}', which needs a vehicle that can be impaired, and a "
+                f"{backend.robot_class.__name__} cannot; allowed on robots simulated in this process, as by kinematic",
+            )
     _check_charge(mission, ids, faults)
     promised = {
         robot_id: widened(

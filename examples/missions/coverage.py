@@ -26,7 +26,7 @@ class Coverage(Mission):
         """
 
         lane_m: float = Field(default=0.5, ge=0.1)
-        margin_m: float = Field(default=0.25, ge=0.0)
+        margin_m: float = Field(default=0.25, ge=0.0, le=100.0)
 
     options: Options
     lanes: list[tuple[Place, Place]] | None = None

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Annotated
 
 from pydantic import Field
 
 from soter import Mission, Robot
+from soter.sdk import MAX_COORDINATE_M
 
-Place = tuple[float, float]
+Metres = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
+Place = tuple[Metres, Metres]
 
 
 class Delivery(Mission):

@@ -9,6 +9,7 @@ from enum import Enum
 
 from soter.errors import IllFormedModule
 from soter.rta import Region, RTAModule, Timing
+from soter.rta.module import plain
 
 
 class Certainty(Enum):
@@ -83,8 +84,8 @@ def _holds(module: RTAModule, condition: str, timing: Timing, base_tick_s: float
     if module.model is None:
         text = "given by predicates: that they look two Delta ahead is the author's claim"
         return Finding(module.name, condition, Certainty.ASSUMED, text, {"horizon_s": horizon_s})
-    reach = module.model.bound(horizon_s)
-    noise = 0.0 if module.phi_safe is None else module.phi_safe.noise(timing.noise_m)
+    reach = module.reach(timing)
+    noise = 0.0 if module.phi_safe is None else plain(module.phi_safe.noise(timing.noise_m))
     figures = {
         "horizon_s": horizon_s, "reach": reach, "noise": noise, "edge_margin": None if math.isnan(edge) else edge
     }  # fmt: skip

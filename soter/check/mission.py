@@ -11,7 +11,7 @@ from soter.check.bench import ModuleBench
 from soter.check.conditions import Certainty, Finding, conditions, rejection
 from soter.check.falsify import Falsified, falsify
 from soter.config import MissionFile
-from soter.errors import IllFormedModule
+from soter.errors import ConfigError, IllFormedModule
 from soter.geometry.workspace import Workspace
 from soter.specs import promises_of
 from soter.stack.right_of_way import COLLISION
@@ -105,6 +105,9 @@ def _bench(mission: MissionFile, workspace: Workspace, name: str) -> ModuleBench
         return ModuleBench(mission, workspace, name, robots)
     except IllFormedModule as failure:
         return Certainty.ASSUMED, f"not tested: simulated robots cannot do what the mission's promise: {failure}"
+    except ConfigError as failure:
+        # The mission's own robots have it declared already.
+        return Certainty.ASSUMED, f"not tested: with {robots} of {len(workspace.robots)} robots, {failure}"
 
 
 def check_module(

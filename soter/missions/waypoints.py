@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from soter.missions.mission import Mission
-from soter.missions.script import Robot
+from soter.missions.script import LONGEST_S, Robot
 from soter.sdk import MAX_COORDINATE_M
 
 Metres = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
@@ -30,7 +30,7 @@ class Waypoints(Mission):
         points: Places = Field(default=[])
         robots: dict[str, Places] = Field(default={})
         rounds: int = Field(default=1, ge=1)
-        timeout_s: float = Field(default=60.0, gt=0.0)
+        timeout_s: float = Field(default=60.0, gt=0.0, le=LONGEST_S)
 
         @model_validator(mode="after")
         def _has_some(self) -> Self:

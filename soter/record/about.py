@@ -133,7 +133,7 @@ def _promises(capabilities: Capabilities) -> dict[str, float | bool | str]:
 
 def _module(module: RTAModule, timing: Timing) -> ModuleAbout:
     edge = module.edge_margin()
-    reach = math.nan if module.model is None else module.model.bound(module.horizon_s(timing))
+    reach = module.reach(timing)
     return ModuleAbout(
         module.name,
         module.delta_s,

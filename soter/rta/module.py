@@ -215,7 +215,11 @@ class RTAModule:
         """Return the margin at the edge of phi_safer, or NaN for a rule given by predicates."""
         if self.phi_safe is None or not isinstance(self.phi_safer, Region):
             return math.nan
-        return self.phi_safe.edge_margin(self.phi_safer)
+        return plain(self.phi_safe.edge_margin(self.phi_safer))
+
+    def reach(self, timing: Timing) -> float:
+        """Return R(H), the most that the margin can fall within the horizon, or NaN for a rule given by predicates."""
+        return math.nan if self.model is None else plain(self.model.bound(self.horizon_s(timing)))
 
     def check(self, timing: Timing, base_tick_s: float) -> None:
         """Check P1, P3 and the module's own premise against the figures of a robot.
@@ -236,7 +240,12 @@ class RTAModule:
                 hash(self.model.of_own())
             if self.premise is not None:
                 self.premise(self, timing)
-        except (IllFormedModule, KeyboardInterrupt):
+        except IllFormedModule as failure:
+            if failure.module == self.name:
+                raise
+            # A premise may say another name; what is told of a module is found by its own.
+            raise failure.named(self.name) from failure
+        except KeyboardInterrupt:
             raise
         except BaseException as failure:  # foreign code
             raise IllFormedModule(self.name, "P3", f"it fails when it is evaluated: {account_of(failure)}") from failure

@@ -122,11 +122,12 @@ def nearest_edge(arena: Arena, own: RobotState, rule: str) -> Edge | None:
     return _box(arena, own) if rule == "obstacle" else _robot(arena, own)
 
 
-def _fence(arena: Arena, own: RobotState) -> Edge:
+def _fence(arena: Arena, own: RobotState) -> Edge | None:
     terrain = arena.terrain
     if isinstance(terrain, SiteTerrain):
         reach_m = terrain.fence_m(own.x_m, own.y_m) + 1e-6
-        return _beyond(own, min(terrain.site.outside.walls(own.x_m, own.y_m, reach_m)))
+        walls = terrain.site.outside.walls(own.x_m, own.y_m, reach_m) if reach_m < math.inf else []
+        return _beyond(own, min(walls)) if walls else None
     width_m, depth_m = terrain.width_m, terrain.depth_m
     return min(
         Edge(own.x_m, 0.0, own.y_m),

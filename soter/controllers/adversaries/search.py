@@ -178,8 +178,9 @@ class Search(base.Adversary):
         goals = np.empty((count, robots, 2))
         for index, own in enumerate(states):
             edges = [edge for rule in RULES if (edge := base.nearest_edge(self.arena, own, rule)) is not None]
-            which = random.integers(len(edges), size=count)
-            places = np.array([(edge.x_m, edge.y_m) for edge in edges])[which]
+            # Where there is nothing to run into, it wanders.
+            ends = [(edge.x_m, edge.y_m) for edge in edges] or [(own.x_m, own.y_m)]
+            places = np.array(ends)[random.integers(len(ends), size=count)]
             goals[:, index] = places + random.uniform(-_LATERAL_M, _LATERAL_M, (count, 2))
         waits = random.integers(max(1, round(options.wait_s / step_s)) + 1, size=(count, robots))
         start = np.array([(s.x_m, s.y_m, s.heading_rad, math.hypot(s.vx_m_s, s.vy_m_s)) for s in states])

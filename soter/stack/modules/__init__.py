@@ -20,6 +20,7 @@ from soter.config import MissionFile, validate_options
 from soter.errors import ConfigError, IllFormedModule, account_of, nearest
 from soter.loading import load_named
 from soter.rta import RTAModule, Topic
+from soter.rta.module import plain
 from soter.stack.certified_controller import CertifiedController
 from soter.stack.module_kit import ModuleKit
 from soter.stack.modules.usable import check_usable
@@ -109,6 +110,11 @@ def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -
 
 def _bound(made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Any]) -> RTAModule:
     """Return the module with a safe controller that drives by certified legs: its own, or a wrapper around it."""
+    # Numbers of other classes, such as NumPy's, would fail later, where they are printed or recorded.
+    made = replace(
+        made, delta_s=plain(made.delta_s), dwell_s=plain(made.dwell_s), keep=plain(made.keep),
+        lets_go_s=plain(made.lets_go_s), peers_within_m=plain(made.peers_within_m),
+    )  # fmt: skip
     if kit.name not in BUILT_IN and made.lets_go_s == math.inf:
         made = replace(made, lets_go_s=LETS_GO_S)
     if isinstance(made.sc, SafeController):

@@ -12,7 +12,7 @@ from soter.geometry.workspace import Workspace
 from soter.hints import install_command
 from soter.loading import Refused, known_target, load_class
 from soter.problems import dotted
-from soter.stack.planners.base import Planner, PlanRequest, PlanResult
+from soter.stack.planners.base import Planner, PlannerOptions, PlanRequest, PlanResult
 
 BUILT_IN: Mapping[str, str] = {
     "ompl-bitstar": "soter.stack.planners.sampling:BITstar",
@@ -53,12 +53,16 @@ def planner_class(name: str, refused: Refused = _refused) -> type[Planner]:
         PlannerUnavailable: a library that it needs is not installed.
     """
     try:
-        return load_class(name, known_target(name, BUILT_IN, "planner", refused), Planner, refused)
+        found = load_class(name, known_target(name, BUILT_IN, "planner", refused), Planner, refused)
     except ConfigError as error:
         if name in BUILT_IN and isinstance(error.__cause__, ImportError):
             hint = f"planner '{name}' needs OMPL, which cannot be imported ({error.__cause__}); install it with: "
             raise PlannerUnavailable(hint + install_command("ompl")) from error
         raise
+    model: object = found.options_model
+    if not (isinstance(model, type) and issubclass(model, PlannerOptions)):
+        raise refused(f"`options_model` of '{name}' is no subclass of soter.stack.planners.PlannerOptions")
+    return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,173 @@
+"""What `soter check` accepts `soter run` runs, and what it refuses is refused there too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from soter.cli import app
+from soter.missions import ROOM
+
+MODULES = """
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from soter import Region, RTAModule
+from soter.errors import IllFormedModule
+
+
+@dataclass(frozen=True)
+class West(Region):
+    edge: object = 0.3
+    least_m: float = 0.0
+
+    def margin(self, situation):
+        return 14.9 - situation.own.x_m - self.least_m
+
+    def edge_margin(self, safer):
+        return self.edge
+
+
+def west(kit, edge=0.3, delta_s=0.05, **more):
+    safe, safer = West(edge), West(edge, 0.3)
+    sc = kit.retreat("back")
+    return RTAModule(kit.name, kit.ac, sc, delta_s, safe, safer, kit.model, peers_within_m=0.0, **more)
+
+
+def numpy_edge(kit):
+    return west(kit, np.float32(0.3))
+
+
+def numpy_numbers(kit):
+    return west(kit, delta_s=np.float64(0.05), dwell_s=np.int64(1), keep=np.float32(0.0))
+
+
+def fractions(kit):
+    return west(kit, Fraction(3, 10), Fraction(1, 20))
+
+
+def of_five(kit):
+    if len(kit.workspace.robots) < 5:
+        raise ValueError("a formation needs five robots")
+    return west(kit)
+
+
+def with_a_premise_of_another_name(kit):
+    def premise(module, timing):
+        raise IllFormedModule("west-rule", "P2a", "it needs a wider room")
+
+    return west(kit, premise=premise)
+"""
+
+ROW = """<configuration>
+  <dimension x="13" y="8" z="1"/>
+  <robots>{robots}</robots>
+  <charging_stations>{stations}</charging_stations>
+</configuration>
+"""
+
+
+def both(tmp_path: Path, *settings: str, file: Path | str = ROOM) -> list[tuple[int, str]]:
+    """Return exit code and output of `soter check` and of `soter run`, recorded, with these settings."""
+    words = [str(file), "--backend", "kinematic"]
+    for each in settings if any("planner=" in each for each in settings) else ("planner=straight-line", *settings):
+        words += ["--set", each]
+    said = []
+    for command, more in (
+        ("check", ("--budget", "2")), ("run", ("--duration", "1", "--record", str(tmp_path / "run.mcap")))
+    ):  # fmt: skip
+        done = CliRunner().invoke(app, [command, *words, *more])
+        said.append((done.exit_code, done.output))
+    return said
+
+
+@pytest.fixture
+def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A mission file in the folder where commands run, with modules in a file beside it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "modules.py").write_text(MODULES)
+    file = tmp_path / "mission.toml"
+    file.write_text(f'workspace = "{ROOM.parent / "room.xml"}"\n')
+    return file
+
+
+def declared(name: str) -> str:
+    return f"rta.module.west.declare=modules.py:{name}"
+
+
+@pytest.mark.parametrize("numbers", ["numpy_edge", "numpy_numbers", "fractions"])
+def test_numbers_of_other_classes_in_a_declaration_are_numbers(numbers: str, mission: Path, tmp_path: Path) -> None:
+    said = both(tmp_path, declared(numbers), file=mission)
+    assert [code for code, _ in said] == [0, 0], said
+
+
+def test_a_premise_that_says_another_name_is_a_finding_all_the_same(mission: Path, tmp_path: Path) -> None:
+    (checked, findings), (ran, refusal) = both(tmp_path, declared("with_a_premise_of_another_name"), file=mission)
+    assert (checked, ran) == (1, 2)
+    assert "REJECTED" in findings
+    assert "module 'west' is ill-formed (P2a): it needs a wider room" in refusal
+
+
+def test_a_module_that_fewer_robots_cannot_have_is_not_tried_and_no_fault(mission: Path, tmp_path: Path) -> None:
+    xs = [1.0 + 2.0 * number for number in range(5)]
+    robots = "".join(f'<robot id="{i}"><start x="{x}" y="1.5" z="0"/></robot>' for i, x in enumerate(xs, start=1))
+    stations = "".join(f'<box><low x="{x - 0.2}" y="1.3" z="0"/><high x="{x + 0.2}" y="1.7" z="0"/></box>' for x in xs)
+    (tmp_path / "row.xml").write_text(ROW.format(robots=robots, stations=stations))
+    mission.write_text('workspace = "row.xml"\ntargets = "uniform"\n')
+    (checked, findings), (ran, _) = both(tmp_path, declared("of_five"), file=mission)
+    assert (checked, ran) == (0, 0)
+    assert "not tested: with 4 of 5 robots" in findings
+
+
+@pytest.mark.parametrize("name", ["search", "fastest-to-boundary"])
+def test_adversaries_do_without_a_fence(name: str, tmp_path: Path) -> None:
+    ground = "[[station]]\nx_m = 1.0\ny_m = 1.0\nside_m = 0.5\n"
+    for keep_out in ("", "[[keep_out]]\ncircle = { x_m = 3.0, y_m = 3.0, radius_m = 0.5 }\n"):
+        (tmp_path / "open.toml").write_text(ground + keep_out)
+        mission = tmp_path / "mission.toml"
+        mission.write_text('workspace = "open.toml"\nrobots = 1\n')
+        said = both(tmp_path, 'rta.modules=["obstacle","battery"]', f"ac=adversary:{name}", file=mission)
+        assert [code for code, _ in said] == [0, 0], said
+        (tmp_path / "run.mcap").unlink()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("mission.use=waypoints", "mission.points=[[1,1]]", "mission.timeout_s=1e7"),
+        ("mission={root}/delivery.py", "mission.jobs=[[[1e308,1],[1,1]]]"),
+        ("mission={root}/coverage.py", "mission.margin_m=1e308"),
+    ],
+)
+def test_options_that_no_robot_can_follow_are_refused(settings: tuple[str, ...], tmp_path: Path) -> None:
+    root = Path(__file__).parents[2] / "examples" / "missions"
+    (checked, finding), (ran, refusal) = both(tmp_path, *(each.format(root=root) for each in settings))
+    assert (checked, ran) == (2, 2), (finding, refusal)
+    assert finding.splitlines()[-1] == refusal.splitlines()[-1]
+
+
+@pytest.mark.parametrize(("kind", "option"), [("wheel_slip", "left = 0.96"), ("kill", "start_s = 0.5")])
+def test_faults_of_vehicles_that_cannot_be_impaired_are_refused_by_their_key(
+    kind: str, option: str, mission: Path
+) -> None:
+    text = mission.read_text() + f'backend = "zenoh"\nplanner = "straight-line"\n[[fault]]\nkind = "{kind}"\n{option}\n'
+    mission.write_text(text)
+    for command in (("check", "--budget", "2"), ("run", "--no-record", "--duration", "1")):
+        done = CliRunner().invoke(app, [command[0], str(mission), *command[1:]])
+        assert done.exit_code == 2, done.output
+        assert f"fault.0.kind: it is '{kind}', which needs a vehicle" in done.output
+
+
+def test_a_planner_without_a_model_of_its_options_is_refused(mission: Path, tmp_path: Path) -> None:
+    (tmp_path / "bare_planner.py").write_text(
+        "from soter.stack.planners import Planner\n\n\nclass Bare(Planner):\n    options_model = None\n"
+        "    def plan(self, request): ...\n"
+    )
+    said = both(tmp_path, "planner=bare_planner:Bare", file=mission)
+    for code, output in said:
+        assert code == 2, output
+        assert "options_model" in output
