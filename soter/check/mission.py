@@ -11,7 +11,7 @@ from soter.check.bench import ModuleBench
 from soter.check.conditions import Certainty, Finding, conditions, rejection
 from soter.check.falsify import Falsified, falsify
 from soter.config import MissionFile
-from soter.errors import ConfigError, IllFormedModule
+from soter.errors import ConfigError, IllFormedModule, account_of
 from soter.geometry.workspace import Workspace
 from soter.specs import promises_of
 from soter.stack.right_of_way import COLLISION
@@ -107,7 +107,11 @@ def _bench(mission: MissionFile, workspace: Workspace, name: str) -> ModuleBench
         return Certainty.ASSUMED, f"not tested: simulated robots cannot do what the mission's promise: {failure}"
     except ConfigError as failure:
         # The mission's own robots have it declared already.
-        return Certainty.ASSUMED, f"not tested: with {robots} of {len(workspace.robots)} robots, {failure}"
+        why = account_of(failure.__cause__ or failure)
+        return (
+            Certainty.ASSUMED,
+            f"not tested: with {robots} of {len(workspace.robots)} robots it cannot be made: {why}",
+        )
 
 
 def check_module(

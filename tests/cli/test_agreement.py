@@ -63,6 +63,25 @@ def with_a_premise_of_another_name(kit):
     return west(kit, premise=premise)
 """
 
+READY = """
+from soter import Fence, Node, RTAModule, SpeedBound, Topic
+
+
+class Home(Node):
+    period_s = 0.05
+    publishes = ("waypoint",)
+
+    def __init__(self, name):
+        self.name, self.out = name, Topic("waypoint")
+
+    def step(self, situation):
+        self.out.publish(None)
+
+
+ac, sc, safe, safer = Home("ac"), Home("sc"), Fence(0, 15, 0, 15), Fence(0.5, 14, 0.5, 14)
+west = RTAModule("west", ac, sc, 0.05, safe, safer, SpeedBound(0.22, 1.0), dwell_s=10**400)
+"""
+
 ROW = """<configuration>
   <dimension x="13" y="8" z="1"/>
   <robots>{robots}</robots>
@@ -121,6 +140,14 @@ def test_a_module_that_fewer_robots_cannot_have_is_not_tried_and_no_fault(missio
     (checked, findings), (ran, _) = both(tmp_path, declared("of_five"), file=mission)
     assert (checked, ran) == (0, 0)
     assert "not tested: with 4 of 5 robots" in findings
+    assert "fault of" not in findings
+
+
+def test_a_number_of_a_ready_made_declaration_that_no_float_holds_is_refused(mission: Path, tmp_path: Path) -> None:
+    (tmp_path / "ready.py").write_text(READY)
+    for code, output in both(tmp_path, "rta.module.west.declare=ready.py:west", file=mission):
+        assert code == 2, output
+        assert "as dwell_s, allowed: a number that a float can hold" in output
 
 
 @pytest.mark.parametrize("name", ["search", "fastest-to-boundary"])

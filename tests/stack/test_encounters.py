@@ -88,12 +88,20 @@ def test_one_that_has_not_been_heard_is_nobody() -> None:
 DIRECTIONS = st.floats(-pi, pi)
 
 
+def two_robots(
+    apart_m: float, there: float, to_1: float, to_2: float, v_1_m_s: float, v_2_m_s: float
+) -> tuple[RobotState, RobotState]:
+    """Return robot 1, and robot 2 in the direction `there` of it, each on its way in a direction of its own."""
+    one = at(1, 0.0, 0.0, v_1_m_s * cos(to_1), v_1_m_s * sin(to_1))
+    two = at(2, apart_m * cos(there), apart_m * sin(there), v_2_m_s * cos(to_2), v_2_m_s * sin(to_2))
+    return one, two
+
+
 @given(st.floats(0.3, 3.0), DIRECTIONS, DIRECTIONS, DIRECTIONS, st.floats(0.05, 0.22), st.floats(0.05, 0.22))
 def test_of_two_that_are_about_to_meet_just_the_one_with_the_higher_id_waits(
     apart_m: float, there: float, to_1: float, to_2: float, v_1_m_s: float, v_2_m_s: float
 ) -> None:
-    one = at(1, 0.0, 0.0, v_1_m_s * cos(to_1), v_1_m_s * sin(to_1))
-    two = at(2, apart_m * cos(there), apart_m * sin(there), v_2_m_s * cos(to_2), v_2_m_s * sin(to_2))
+    one, two = two_robots(apart_m, there, to_1, to_2, v_1_m_s, v_2_m_s)
     steps = [AHEAD_S * step / 200 for step in range(201)]
     gaps_m = [
         hypot(two.x_m - one.x_m + t * (two.vx_m_s - one.vx_m_s), two.y_m - one.y_m + t * (two.vy_m_s - one.vy_m_s))
@@ -176,8 +184,7 @@ def test_two_in_a_small_room_are_seldom_taken_because_of_each_other() -> None:
 def test_no_encounter_is_missed_by_looking_later(
     apart_m: float, there: float, to_1: float, to_2: float, v_1_m_s: float, v_2_m_s: float
 ) -> None:
-    one = at(1, 0.0, 0.0, v_1_m_s * cos(to_1), v_1_m_s * sin(to_1))
-    two = at(2, apart_m * cos(there), apart_m * sin(there), v_2_m_s * cos(to_2), v_2_m_s * sin(to_2))
+    one, two = two_robots(apart_m, there, to_1, to_2, v_1_m_s, v_2_m_s)
     kit = replace(kit_of(two, one), peers_v_max_m_s=CAPABILITIES.v_max_m_s)
     later_s = looks_again_s(kit, two)
     assert later_s >= LOOK_S

@@ -79,3 +79,13 @@ def _of_other_types(made: RTAModule) -> Iterator[tuple[str, str]]:
         value: object = getattr(made, field)
         if not (isinstance(value, types) or (field == "phi_safer" and callable(value))):
             yield field, allowed
+        elif isinstance(value, Real) and not _fits(value):
+            yield field, "a number that a float can hold"
+
+
+def _fits(value: Real) -> bool:
+    try:
+        plain(value)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return True
