@@ -9,8 +9,7 @@ from functools import partial
 
 from soter.config import MissionFile, validate_options
 from soter.errors import BackendError, SoterError, account_of, floor_m, nearest
-from soter.faults import FaultTable, read_faults
-from soter.faults.robot import widened
+from soter.faults import FaultTable, read_faults, under_faults
 from soter.faults.telemetry import BatteryOptions
 from soter.geometry.workspace import Workspace
 from soter.problems import dotted
@@ -112,13 +111,7 @@ def promises(
                 f"{backend.robot_class.__name__} cannot; allowed on robots simulated in this process, as by kinematic",
             )
     _check_charge(mission, ids, faults)
-    promised = {
-        robot_id: widened(
-            each,
-            [fault.made_for(robot_id, mission.seed, mission.base_tick_s) for fault in faults if fault.hits(robot_id)],
-        )
-        for robot_id, each in declared.items()
-    }
+    promised = {robot_id: under_faults(mission, faults, robot_id, each) for robot_id, each in declared.items()}
     check_bodies(mission, workspace, {robot_id: each.body_radius_m for robot_id, each in promised.items()})
     return promised
 

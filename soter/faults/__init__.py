@@ -1,7 +1,7 @@
 """Fault injection by the `[[fault]]` tables of a mission file, on any backend."""
 
 from soter.faults.fault import Call, Context, Fault, FaultOptions, Impairable, Impairment, Passage, SentCommand, Spacing
-from soter.faults.kinds import BUILT_IN, FaultTable, read_faults
+from soter.faults.kinds import BUILT_IN, FaultTable, read_faults, under_faults
 from soter.faults.robot import FaultyFleet, FaultyRobot
 
 __all__ = [
@@ -19,4 +19,5 @@ __all__ = [
     "SentCommand",
     "Spacing",
     "read_faults",
+    "under_faults",
 ]

@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from enum import Enum
 from random import Random
-from typing import Annotated, ClassVar, Final, Generic, Literal, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Final,
+    Generic,
+    Literal,
+    NamedTuple,
+    Protocol,
+    Self,
+    TypeVar,
+    runtime_checkable,
+)
 
 from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator, model_validator
 
@@ -94,6 +107,7 @@ class FaultOptions(Table):
         return time_s + self.duration_s - since_s
 
 
+T = TypeVar("T")
 O = TypeVar("O", bound=FaultOptions)  # noqa: E741 - the options of one kind
 
 
@@ -248,3 +262,40 @@ class Fault(Generic[O]):
     def up_to_ticks(self, duration_s: float) -> float:
         """Return a duration rounded up to whole readings of the state."""
         return self.ticks(duration_s) * self.context.tick_s
+
+
+def widened(
+    capabilities: Capabilities,
+    faults: Sequence[Fault[Any]],
+    blaming: Callable[[int], AbstractContextManager[None]] = lambda index: nullcontext(),
+) -> Capabilities:
+    """Return a robot's promise under its faults; undeclared faults change nothing.
+
+    The costs of faults more than add up: behind a fault that lets a new sample through at every other reading, each
+    lost sample costs two readings.
+
+    Args:
+        capabilities: the promise without faults.
+        faults: the robot's faults, in the order of their tables.
+        blaming: returns the context in which a fault is asked, by its index.
+    """
+    apart, exact_s = 1, capabilities.sample_age_s
+    for index, fault in enumerate(faults):
+        if fault.options.declared:
+            with blaming(index):
+                dropped, held = agreed(fault.spacing(), Spacing)
+                capabilities = agreed(fault.widened(capabilities), Capabilities)
+                further_s = dropped * (apart - 1) * fault.context.tick_s
+                capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + further_s)
+                apart = (dropped + 1) * apart + held
+    if capabilities.sample_age_s > exact_s:
+        # Ages counted in readings grow by the readings' own jitter, once.
+        capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + capabilities.jitter_s)
+    return capabilities
+
+
+def agreed(value: T, kind: type[T]) -> T:
+    """Return an answer of a fault, which may be of a user's class; raises TypeError if it is of another type."""
+    if not isinstance(value, kind):
+        raise TypeError(f"it answers {value!r:.200}, allowed: a {kind.__name__}")
+    return value

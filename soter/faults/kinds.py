@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from random import Random
@@ -10,10 +11,21 @@ from typing import Any, Final
 
 from soter.config import MissionFile, validate_options
 from soter.errors import ConfigError
-from soter.faults.fault import ROUNDING_S, Context, Fault, FaultOptions
+from soter.faults.fault import (
+    ROUNDING_S,
+    Call,
+    Context,
+    Fault,
+    FaultOptions,
+    Impairment,
+    Passage,
+    SentCommand,
+    agreed,
+    widened,
+)
 from soter.faults.telemetry import ClockStepOptions
-from soter.loading import known_target, load_class
-from soter.sdk import Link, RobotState
+from soter.loading import described, known_target, load_class
+from soter.sdk import Capabilities, Link, RobotState
 from soter.sdk.robot import FUTURE_S
 
 BUILT_IN: Final[Mapping[str, str]] = {
@@ -50,10 +62,11 @@ class FaultTable:
 
 
 def read_faults(mission: MissionFile, robot_ids: Sequence[int]) -> tuple[FaultTable, ...]:
-    """Return the `[[fault]]` tables of a mission, each checked with the model of its kind.
+    """Return the `[[fault]]` tables of a mission, each checked with the model of its kind, and tried.
 
     Raises:
-        ConfigError: an unknown kind, option or robot, or a value that is not allowed.
+        ConfigError: an unknown kind, option or robot, a value that is not allowed, or a kind of the user's own that
+            fails.
     """
     tables = tuple(_read(mission, index, raw, robot_ids) for index, raw in enumerate(mission.fault))
     for robot_id in robot_ids:
@@ -69,31 +82,65 @@ def read_faults(mission: MissionFile, robot_ids: Sequence[int]) -> tuple[FaultTa
                         f"allowed: below {FUTURE_S:g} s in all, since stamps farther ahead are not believed; or "
                         "declared = false",
                     )
-        _check_first_sample(mission, tables, robot_id)
+        _try(mission, [table for table in tables if table.hits(robot_id)], robot_id)
     return tables
 
 
-def _check_first_sample(mission: MissionFile, tables: Sequence[FaultTable], robot_id: int) -> None:
-    """Refuse a fault that hides a robot from the beginning: a run cannot begin without a sample of each robot.
+def _try(mission: MissionFile, tables: Sequence[FaultTable], robot_id: int) -> None:
+    """Call a robot's faults as the beginning of a run does.
+
+    Refuses a fault that hides a robot from the beginning: a run cannot begin without a sample of each robot.
 
     Raises:
-        ConfigError: there is one; names the fault, and when it may begin.
+        ConfigError: a fault does that, or fails; names the fault.
     """
-    active = [table for table in tables if table.hits(robot_id) and table.options.active(0.0)]
     ready = RobotState(robot_id, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, None, None, Link.UP)
-    faults = [table.made_for(robot_id, mission.seed, mission.base_tick_s) for table in active]
-    for fault in faults:
-        # As in a run, where faults see a sample before they begin.
-        fault.sample(0.0, False, ready)
     sample: RobotState | None = ready
-    for table, fault in zip(active, faults, strict=True):
-        sample = fault.sample(0.0, True, sample)
+    for table in tables:
+        with _blaming(mission, table):
+            fault = table.made_for(robot_id, mission.seed, mission.base_tick_s)
+            # As in a run, where faults see a sample before they begin.
+            fault.sample(0.0, False, ready)
+            if not table.options.active(0.0):
+                continue
+            for passage in fault.command(0.0, SentCommand(Call.RENEW)):
+                agreed(passage, Passage)
+            agreed(fault.impairment() or Impairment(), Impairment)
+            sample = fault.sample(0.0, True, sample)
+            if sample is not None:
+                agreed(sample, RobotState)
         if sample is None or sample.stamp_s > FUTURE_S:
             raise mission.refusal(
                 f"fault.{table.index}.start_s",
                 f"it is {table.options.start_s:g}, but a run begins with a sample of each robot, and none of robot "
                 f"{robot_id} would be seen; allowed: above 0, such as {mission.base_tick_s:g}",
             )
+
+
+def under_faults(
+    mission: MissionFile, tables: Sequence[FaultTable], robot_id: int, capabilities: Capabilities
+) -> Capabilities:
+    """Return the promise of a robot of a mission under those faults that hit it.
+
+    Raises:
+        ConfigError: a fault fails, or the promise becomes one that nobody may make; names the fault.
+    """
+    hits = [table for table in tables if table.hits(robot_id)]
+    faults = [table.made_for(robot_id, mission.seed, mission.base_tick_s) for table in hits]
+    return widened(capabilities, faults, lambda index: _blaming(mission, hits[index]))
+
+
+@contextmanager
+def _blaming(mission: MissionFile, table: FaultTable) -> Iterator[None]:
+    """Turn whatever fails in a fault, which may be of a user's class, into a ConfigError that names its table."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as failure:  # foreign code
+        raise mission.refusal(
+            f"fault.{table.index}.kind", f"it is '{table.options.kind}', which failed: {described(failure, None)}"
+        ) from failure
 
 
 def _read(mission: MissionFile, index: int, raw: Mapping[str, Any], robot_ids: Sequence[int]) -> FaultTable:

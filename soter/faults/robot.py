@@ -13,7 +13,7 @@ from typing import Any, Final
 from soter.clock import Clock
 from soter.config.tables import ReseedTable
 from soter.errors import SoterError, Unsupported
-from soter.faults.fault import ROUNDING_S, Call, Fault, Impairable, Impairment, Passage, SentCommand
+from soter.faults.fault import ROUNDING_S, Call, Fault, Impairable, Impairment, Passage, SentCommand, widened
 from soter.faults.kinds import FaultTable
 from soter.sdk import Capabilities, Controller, FaultReport, Fleet, Goal, Link, Robot, RobotState
 
@@ -195,26 +195,6 @@ class FaultyRobot(Robot):
             # As an adapter does when its robot is back: the robot has forgotten its controller.
             self._pass_on(SentCommand(Call.SWITCH, to=Controller.SC))
             self._send(SentCommand(Call.SWITCH, to=self.in_charge))
-
-
-def widened(capabilities: Capabilities, faults: Sequence[Fault[Any]]) -> Capabilities:
-    """Return a robot's promise under its faults; undeclared faults change nothing.
-
-    The costs of faults more than add up: behind a fault that lets a new sample through at every other reading, each
-    lost sample costs two readings.
-    """
-    apart, exact_s = 1, capabilities.sample_age_s
-    for fault in faults:
-        if fault.options.declared:
-            dropped, held = fault.spacing()
-            capabilities = fault.widened(capabilities)
-            further_s = dropped * (apart - 1) * fault.context.tick_s
-            capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + further_s)
-            apart = (dropped + 1) * apart + held
-    if capabilities.sample_age_s > exact_s:
-        # Ages counted in readings grow by the readings' own jitter, once.
-        capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + capabilities.jitter_s)
-    return capabilities
 
 
 class FaultyClock(Clock):

@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
+from soter.check.mission import check_mission
 from soter.config import load_mission, parse_mission
 from soter.errors import ConfigError
-from soter.faults import BUILT_IN, Fault, FaultOptions, read_faults
+from soter.faults import (
+    BUILT_IN,
+    Context,
+    Fault,
+    FaultOptions,
+    Impairment,
+    Passage,
+    SentCommand,
+    Spacing,
+    read_faults,
+)
 from soter.runner import run_mission
+from soter.sdk import Capabilities, RobotState
 from tests.faults.bench import mission
 from tests.project.source import ROOT
 
@@ -39,6 +53,37 @@ class Hum(Fault[FaultOptions]):
 
 class Unfinished(Fault[FaultOptions]):
     """A kind that does not say what its table looks like."""
+
+
+class Fails(Fault[FaultOptions]):
+    """A kind of somebody else's that fails in one of its methods."""
+
+    options_model = FaultOptions
+    where, how = "", "raises"
+
+    def __init__(self, options: FaultOptions, context: Context) -> None:
+        self._do("__init__")
+        super().__init__(options, context)
+
+    def _do(self, method: str) -> bool:
+        if method == self.where and self.how != "answers":
+            raise SystemExit(3) if self.how == "exits" else RuntimeError("out of order")
+        return method == self.where
+
+    def widened(self, capabilities: Capabilities) -> Capabilities:
+        return cast(Capabilities, "much") if self._do("widened") else capabilities
+
+    def spacing(self) -> Spacing:
+        return cast(Spacing, "much") if self._do("spacing") else Spacing()
+
+    def command(self, time_s: float, command: SentCommand) -> Sequence[Passage]:
+        return cast(Sequence[Passage], "much") if self._do("command") else (Passage(command),)
+
+    def sample(self, time_s: float, on: bool, sample: RobotState | None) -> RobotState | None:
+        return cast(RobotState, "much") if self._do("sample") else sample
+
+    def impairment(self) -> Impairment | None:
+        return cast(Impairment, "much") if self._do("impairment") else None
 
 
 def refusal(**table: Any) -> str:
@@ -152,3 +197,30 @@ def test_when_a_fault_is_on(table: dict[str, Any], on: list[float], off: list[fl
     options = FaultOptions(kind="kill", **table)
     assert [time_s for time_s in on if not options.active(time_s)] == []
     assert [time_s for time_s in off if options.active(time_s)] == []
+
+
+@pytest.mark.parametrize(
+    ("where", "how"),
+    [
+        *product(["__init__", "widened", "spacing", "command", "sample", "impairment"], ["raises", "exits"]),
+        *product(["widened", "spacing", "command", "sample", "impairment"], ["answers"]),
+    ],
+)
+def test_a_kind_that_fails_is_named_before_anything_moves(
+    monkeypatch: pytest.MonkeyPatch, where: str, how: str
+) -> None:
+    monkeypatch.setattr(Fails, "where", where)
+    monkeypatch.setattr(Fails, "how", how)
+    fault = {"kind": "tests.faults.test_tables:Fails"}
+    asked = {"backend": "kinematic", "planner": "straight-line", "duration_s": 1.0, "fault": [fault]}
+    mission = load_mission(ROOT / "examples" / "surveillance.toml", asked)
+    said = {"raises": "RuntimeError: out of order", "exits": "SystemExit: 3"}.get(how, "'m.*allowed: a")
+    for use in (run_mission, check_mission):
+        with pytest.raises(ConfigError, match=rf"fault\.0\.kind: it is '.*:Fails', which failed: .*{said}"):
+            use(mission)
+
+
+def test_faults_that_nobody_could_promise_are_named() -> None:
+    asked = {"backend": "kinematic", "fault": [{"kind": "delay", "commands_s": 1e7}]}
+    with pytest.raises(ConfigError, match=r"fault\.0\.kind: it is 'delay', which failed: .*latency_s"):
+        check_mission(load_mission(ROOT / "examples" / "surveillance.toml", asked))

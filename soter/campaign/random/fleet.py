@@ -13,8 +13,7 @@ from soter.adapters.pybullet import PERIOD_S, SimulatedPromise
 from soter.campaign.random.configuration import Tables
 from soter.faults import BUILT_IN as FAULT_KINDS
 from soter.faults import Fault, FaultOptions
-from soter.faults.fault import Context
-from soter.faults.robot import widened
+from soter.faults.fault import Context, widened
 from soter.geometry.workspace import Workspace
 from soter.onboard.drive import OVERSHOOT_M, tube_m
 from soter.registry import load_backend
