@@ -103,7 +103,7 @@ def _check(
 ) -> MissionReport:
     from soter.check.mission import check_mission, check_module
     from soter.cli.console import is_live
-    from soter.runner.hosts import check_names
+    from soter.runner.hosts import check_acs
 
     status = console.status("")
     if is_live(console):
@@ -112,7 +112,7 @@ def _check(
         if subject["target"].startswith(_PREFIX):
             return check_module(_own_module(subject, robots, patience_s), budget, seed, status.update)
         mission = _mission(subject)
-        check_names(mission)
+        check_acs(mission)
         return check_mission(mission, budget, seed, status.update)
     finally:
         status.stop()

@@ -13,9 +13,8 @@ from typing import Any, ClassVar, Final, Generic, NamedTuple, Protocol, Self, Ty
 
 from pydantic import BaseModel
 
-from soter.config import validate_options
-from soter.errors import ConfigError, Garbage
-from soter.loading import known_target, load_named
+from soter.errors import Garbage
+from soter.loading import Refused, known_target, load_named
 
 Hear = Callable[[str, bytes], None]
 """Called with a key and a payload published under it, in a thread of the bus; must be quick and must not raise."""
@@ -57,16 +56,12 @@ class Bus(Protocol):
 BUILT_IN: Final[Mapping[str, str]] = {"zenoh": "soter.adapters.zenoh.bus:ZenohBus"}
 
 
-def bus_class(name: str, source: str | None = None) -> type[Bus]:
-    """Import and return the class of a bus, given by a built-in name or as `module:Class`.
+def bus_class(name: str, refused: Refused) -> type[Bus]:
+    """Import and return the class of a bus, given by a built-in name or as `module:Class`; `refused` makes the error.
 
     Raises:
         ConfigError: there is no bus of that name.
     """
-
-    def refused(why: str) -> ConfigError:
-        return ConfigError(why, source=source, key="distribution.via")
-
     found: Any = load_named(known_target(name, BUILT_IN, "bus", refused), refused)
     model = getattr(found, "options_model", None)
     calls = ("open", "publish", "subscribe", "close")
@@ -74,18 +69,6 @@ def bus_class(name: str, source: str | None = None) -> type[Bus]:
         raise refused(f"it is '{name}', which is no bus; allowed: a class with options_model, {', '.join(calls)}")
     kind: type[Bus] = found
     return kind
-
-
-def open_bus(name: str, common: Mapping[str, Any], own: Mapping[str, Any], process: str, source: str | None) -> Bus:
-    """Open a bus for one process, with the common options, and its own options in place of some.
-
-    Raises:
-        ConfigError: an option that the bus does not have or allow.
-        BackendError: the bus cannot be opened.
-    """
-    kind = bus_class(name, source)
-    key = f"distribution.processes.{process}.bus" if own else "distribution.bus"
-    return kind.open(validate_options(kind.options_model, {**common, **own}, source, key))
 
 
 logger = logging.getLogger(__name__)

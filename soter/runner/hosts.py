@@ -1,15 +1,15 @@
-"""Makes the mission host that a mission asks for, and says before that whether there is one."""
+"""Makes the mission host that a mission asks for, and tries whether it can be made."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
 
-from soter import controllers, missions
-from soter.config import MissionFile, validate_options
+from soter import missions
+from soter.config import MissionFile
 from soter.controllers import MISSION
 from soter.geometry.workspace import Workspace
-from soter.problems import dotted
+from soter.registry import in_virtual_time
 from soter.runner.controller_host import ControllerHost
 from soter.runner.machine_host import MachineHost
 from soter.runner.mission_host import MissionHost
@@ -44,27 +44,39 @@ def make_host(
     return MachineHost(mission, workspace, body_radius_m, virtual_time=virtual_time, part=part)
 
 
-def check_names(mission: MissionFile) -> None:
-    """Check what a mission names for its ACs: its script or controller, its planner, and their options.
+def check_acs(mission: MissionFile) -> None:
+    """Make what a mission names for its ACs, as a run does, and drop it: its script or controllers, and its planner.
 
-    Nothing is made of them. A planner whose library is not installed here passes.
+    Of a distributed mission on a wire every process's part is made, but the bus between them is not opened. A planner
+    whose library is not installed here passes.
 
     Raises:
-        ConfigError: there is no such mission, controller or planner, it does not allow an option, or the mission cannot
-            be done in the workspace.
-        BackendError: the mission's backend cannot be loaded.
+        ConfigError: there is no such mission, controller, planner or bus, one does not allow an option or cannot be
+            made, or the mission cannot be done in the workspace.
+        BackendError: the mission's backend cannot be loaded, or the planner's worker cannot be started.
     """
-    if mission.ac != MISSION:
-        controllers.options_of(mission, controllers.controller_class(mission))
-        return
     workspace = mission.read_workspace()
-    promised = promises_of(mission, workspace)
-    missions.checked(mission, workspace, {robot_id: each.body_radius_m for robot_id, each in promised.items()})
-    try:
-        planner = planner_class(mission.planner, partial(mission.refusal, "planner"))
-    except PlannerUnavailable:
+    parts: list[Part | None] = [None]
+    if mission.distribution.processes and not in_virtual_time(mission.backend):
+        processes = mission.distribution.processes.items()
+        acting = [name for name, table in processes if table.robots or mission.ac == MISSION]
+        parts = [Part.of(mission, workspace, name) for name in acting]
+    for part in parts:
+        if part is not None:
+            part.bus_options()
+        if mission.ac != MISSION:
+            ControllerHost(mission, workspace, part).close()
+    if mission.ac != MISSION:
         return
-    validate_options(
-        planner.options_model, mission.planners.get(mission.planner, {}), mission.source,
-        dotted("planners", mission.planner), overridden=mission.overridden,
-    )  # fmt: skip
+    promised = promises_of(mission, workspace)
+    radii_m = {robot_id: each.body_radius_m for robot_id, each in promised.items()}
+    try:
+        planner_class(mission.planner, partial(mission.refusal, "planner"))
+    except PlannerUnavailable:
+        missions.make_mission(mission, workspace, radii_m)
+        return
+    host = MachineHost(mission, workspace, radii_m, virtual_time=True)
+    try:
+        host.ready()
+    finally:
+        host.close()

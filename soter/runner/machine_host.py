@@ -70,14 +70,6 @@ class MachineHost:
     ) -> None:
         self._mission: Final = mission
         self._body_radius_m: Final = body_radius_m
-        # Without robots there are no paths to plan.
-        self._plans: Final = None if part is not None and not part.robots else PlanService(
-            PlannerSpec(
-                mission.planner, workspace, body_radius_m, mission.planners.get(mission.planner, {}), mission.source,
-                mission.overridden,
-            ),
-            virtual_time=virtual_time, box=box_of(mission),
-        )  # fmt: skip
         self.failures: dict[int | None, str] = {}
         self._clock: Clock | None = None
         self._part: Final = part
@@ -91,11 +83,30 @@ class MachineHost:
             now=self._now, on_failure=self._failed, node=HERE if part is None else part.name
         )  # fmt: skip
         self._mailbox: Final = None if part is None else Mailbox(part, part.open_bus(), self._runtime)
+        try:
+            self._plans: Final = self._planner_of(workspace, part, virtual_time)
+        except BaseException:
+            if self._mailbox is not None:
+                self._mailbox.close()
+            raise
         self._listeners: dict[tuple[int, type[Event]], list[MachineRef]] = {}
         self._owners: dict[str, int] = {}
         self._waiting: dict[int, tuple[PlanRequest, MachineRef]] = {}
         self._guards: dict[int, PathGuard] = {}
         self._ports: Mapping[int, RobotPort] = {}
+
+    def _planner_of(self, workspace: Workspace, part: Part | None, virtual_time: bool) -> PlanService | None:
+        """Start the planner's process; return None if there are no robots, and so no paths to plan."""
+        if part is not None and not part.robots:
+            return None
+        mission = self._mission
+        return PlanService(
+            PlannerSpec(
+                mission.planner, workspace, self._body_radius_m, mission.planners.get(mission.planner, {}),
+                mission.source, mission.overridden,
+            ),
+            virtual_time=virtual_time, box=box_of(mission),
+        )  # fmt: skip
 
     def ready(self) -> None:
         """Wait until the planner's processes answer."""

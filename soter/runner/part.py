@@ -6,14 +6,15 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Self
 
-from pydantic import TypeAdapter
+from pydantic import BaseModel, TypeAdapter
 
 from soter.clock import Clock
-from soter.config import MissionFile
+from soter.config import MissionFile, validate_options
 from soter.controllers import MISSION
-from soter.distribution.bus import Bus, open_bus
+from soter.distribution.bus import Bus, bus_class
 from soter.distribution.channel import ReliableChannel
 from soter.distribution.peer_group import PeerGroup
 from soter.distribution.status import VERSION
@@ -107,15 +108,31 @@ class Part:
         """Return the ids of the robots that a process commands."""
         return tuple(robot_id for robot_id, name in self.homes.items() if name == process)
 
+    def bus_options(self) -> tuple[type[Bus], BaseModel]:
+        """Return the class of the bus between the processes, and this process's options of it.
+
+        Raises:
+            ConfigError: there is no such bus, or it does not allow an option.
+        """
+        table = self.mission.distribution
+        kind, own = (
+            bus_class(table.via, partial(self.mission.refusal, "distribution.via")),
+            table.processes[self.name].bus,
+        )
+        key = f"distribution.processes.{self.name}.bus" if own else "distribution.bus"
+        return kind, validate_options(
+            kind.options_model, {**table.bus, **own}, self.mission.source, key, overridden=self.mission.overridden
+        )
+
     def open_bus(self) -> Bus:
         """Open the bus between the processes.
 
         Raises:
-            ConfigError: the bus does not allow an option.
+            ConfigError: see `bus_options`.
             BackendError: the bus cannot be opened.
         """
-        table = self.mission.distribution
-        return open_bus(table.via, table.bus, table.processes[self.name].bus, self.name, self.mission.source)
+        kind, options = self.bus_options()
+        return kind.open(options)
 
     def peer_group(self, bus: Bus, clock: Clock) -> PeerGroup:
         """Return the peer group of this process, on a bus that the group then closes."""

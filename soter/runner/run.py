@@ -111,6 +111,9 @@ def run_mission(
             host = RemoteMissionHost(mission, workspace, radii_m, part=part)
         watchdog.handler = lambda: host.current_handler
         stack.callback(_end, host, watchdog)
+        with unasked():
+            # Before robots are connected: it finds what a script, a controller or a planner does not allow.
+            host.ready()
         try:
             fleet = stack.enter_context(backend_class().open(config, specs))
         except ImportError as failure:
@@ -119,7 +122,6 @@ def run_mission(
             faulty = FaultyFleet(fleet, faults, mission.seed, mission.base_tick_s, mission.reseed)
             fleet = stack.enter_context(faulty)
         with unasked():
-            host.ready()
             session = None if part is None else stack.enter_context(PeerSession(part, fleet.clock))
             for robot in fleet.robots:
                 robot.init(INIT_TIMEOUT_S)

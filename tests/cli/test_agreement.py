@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -198,3 +199,107 @@ def test_a_planner_without_a_model_of_its_options_is_refused(mission: Path, tmp_
     for code, output in said:
         assert code == 2, output
         assert "options_model" in output
+
+
+BROKEN = """
+from soter import Controller, Mission
+from soter.stack.planners import Planner
+from soter.stack.planners.base import PlannerOptions
+
+
+class Script(Mission):
+    def __init__(self, options):
+        raise RuntimeError("no such map")
+
+    async def run(self, robot):
+        await robot.wait_s(1.0)
+
+
+class Own(Controller):
+    def __init__(self, options):
+        raise RuntimeError("no such map")
+
+    def step(self, robot): ...
+
+
+class Crooked(Planner):
+    options_model = PlannerOptions
+
+    def __init__(self, *given):
+        raise RuntimeError("no such map")
+
+    def plan(self, request): ...
+"""
+
+NOBODY = """backend = "zenoh"
+[backends.zenoh]
+session = { mode = "client", connect = ["tcp/127.0.0.1:9"] }
+robots.1.namespace = "robot1"
+robots.2.namespace = "robot2"
+"""
+"""A backend that cannot be opened."""
+
+
+@pytest.mark.parametrize("wire", [False, True])
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        (
+            "mission=broken_acs.py:Script",
+            r"mission: '.*/broken_acs.py:Script' failed: RuntimeError: no such map \(broken_acs.py, line 9\)",
+        ),
+        (
+            "ac=broken_acs.py:Own",
+            r"ac: it is '.*:Own', which cannot be made: RuntimeError: no such map \(broken_acs.py, line 17\)",
+        ),
+        (
+            "planner=broken_acs:Crooked",
+            "planner: it is 'broken_acs:Crooked', which cannot be made: RuntimeError: no such map",
+        ),
+        ("ac=broken_acs.py:None", "ac: it is '.*/broken_acs.py:None', but there is no 'None' in it"),
+        ("mission.speed=3", "mission.speed: unknown key"),
+        ("planners.ompl-bitstar.range_m=-1", "planners.ompl-bitstar.range_m: "),
+    ],
+)
+def test_acs_that_cannot_be_made_are_refused_before_a_robot_is_opened(
+    wire: bool, setting: str, said: str, mission: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "broken_acs.py").write_text(BROKEN)
+    mission.write_text(mission.read_text() + (NOBODY if wire else 'backend = "kinematic"\n'))
+    for command in (("check", "--budget", "2"), ("run", "--no-record", "--duration", "1")):
+        done = CliRunner().invoke(app, [command[0], str(mission), "--set", setting, *command[1:]])
+        assert done.exit_code == 2, done.output
+        assert re.search(said, done.output), done.output
+
+
+SPLIT = """
+[distribution.processes.alpha]
+robots = [1]
+[distribution.processes.beta]
+robots = [2]
+planner = true
+"""
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (["distribution.via=zeno"], "distribution.via: unknown bus 'zeno', did you mean 'zenoh'"),
+        (["distribution.bus.conect=3"], "distribution.bus.conect: unknown key, did you mean 'connect'?"),
+        (["ac=fleets.py:Together"], "fleets.py:Together', which drives all robots together"),
+    ],
+)
+def test_what_no_process_of_a_mission_could_begin_with_is_refused(
+    settings: list[str], said: str, mission: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "fleets.py").write_text(
+        "from soter import Controller\n\n\nclass Together(Controller):\n    fleet = True\n\n"
+        "    def act(self, now_s, tick): ...\n"
+    )
+    mission.write_text(mission.read_text() + NOBODY + SPLIT)
+    words = [str(mission), *(word for each in settings for word in ("--set", each))]
+    for command in (("check", "--budget", "2"), ("run", "--no-record", "--process", "alpha")):
+        done = CliRunner().invoke(app, [command[0], *words, *command[1:]])
+        assert done.exit_code == 2, done.output
+        assert said in " ".join(done.output.split())
+        assert "mission.toml" not in done.output, "the command line is to blame"

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from soter.adapters.zenoh.bus import ZenohBus
 from soter.cli.recordings import recording_path
 from soter.config import MissionFile, load_mission
-from soter.distribution.bus import Bus, bus_class, open_bus
+from soter.distribution.bus import Bus, bus_class
 from soter.errors import ConfigError
 from soter.runner import run_mission
 from soter.runner.boxes import box_of
@@ -152,12 +152,11 @@ class TinBus:
 def test_what_calls_itself_a_bus_is_one() -> None:
     # What they have to be is checked by types; what they do, by tests of their own.
     buses: list[type[Bus]] = [TinBus, MemoryBus, ZenohBus]
-    assert bus_class("zenoh") is buses[-1]
+    assert bus_class("zenoh", ConfigError) is buses[-1]
 
 
 def test_a_bus_may_be_ones_own_and_a_process_may_have_options_of_its_own() -> None:
-    name = "tests.runner.test_part:TinBus"
-    found = bus_class(name)
-    open_bus(name, {"length_m": 2.0}, {}, "alpha", None)
-    open_bus(name, {"length_m": 2.0}, {"length_m": 3.0}, "alpha", None)
-    assert [options.length_m for options in found.opened] == [2.0, 3.0]  # type: ignore[attr-defined]
+    asked = {"distribution__via": "tests.runner.test_part:TinBus", "distribution__bus": {"length_m": 2.0}}
+    for own in ({}, {"length_m": 3.0}):
+        part("alpha", **asked, distribution__processes__alpha__bus=own).open_bus()
+    assert [options.length_m for options in TinBus.opened] == [2.0, 3.0]

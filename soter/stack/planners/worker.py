@@ -167,7 +167,8 @@ def _build(spec: WorkerSpec, channel: socket.socket) -> Planner:
     except (ConfigError, PlannerUnavailable) as error:
         _send(channel, Refused.of(error))
     except BaseException as error:  # noqa: BLE001 -- untrusted code may raise anything
-        _send(channel, Refused.of(ConfigError(f"planner '{spec.planner.name}' cannot be built ({describe(error)})")))
+        refusal = ConfigError(f"it is '{spec.planner.name}', which cannot be made: {describe(error)}", key="planner")
+        _send(channel, Refused.of(refusal))
     os._exit(1)
 
 

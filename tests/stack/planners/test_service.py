@@ -322,7 +322,7 @@ def test_bad_options_show_before_anything_moves(opened: Open, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("planner", "error", "message"),
     [
-        ("CannotBeBuilt", ConfigError, "cannot be built .LookupError: no licence"),
+        ("CannotBeBuilt", ConfigError, "cannot be made: LookupError: no licence"),
         ("NoPlanner", ConfigError, "a subclass of Planner"),
         ("Raise", ConfigError, "did you mean 'Raises'"),
         ("DiesWhenBuilt", PlannerUnavailable, "could not be started .exit code 7"),
