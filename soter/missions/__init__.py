@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Final
 
 from soter.missions.mission import Mission
-from soter.missions.names import checked, make_mission, mission_class
+from soter.missions.names import checked, make_mission, mission_class, placed
 from soter.missions.script import Arrival, Robot, ScriptFailed
 from soter.missions.stage import Stage
 
@@ -21,4 +21,5 @@ __all__ = [
     "checked",
     "make_mission",
     "mission_class",
+    "placed",
 ]

@@ -95,8 +95,7 @@ def checked(
     try:
         found.check_workspace(options, workspace, body_radius_m)
     except ConfigError as refusal:
-        key = refusal.key or "mission"
-        raise file.refusal(key, str(refusal).removeprefix(f"{key}: ")) from refusal
+        raise placed(file, refusal) from refusal
     except KeyboardInterrupt:
         raise
     except BaseException as failure:  # foreign code
@@ -117,6 +116,12 @@ def make_mission(file: MissionFile, workspace: Workspace, body_radius_m: Mapping
         raise
     except BaseException as failure:  # foreign code
         raise _failed(file, failure) from failure
+
+
+def placed(file: MissionFile, refusal: ConfigError) -> ConfigError:
+    """Return what a mission refuses, with the place in the mission file of the key that it names."""
+    key = refusal.key or "mission"
+    return file.refusal(key, str(refusal).removeprefix(f"{key}: "))
 
 
 def _failed(file: MissionFile, failure: BaseException) -> ConfigError:

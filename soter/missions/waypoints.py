@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from soter.errors import ConfigError
+from soter.geometry.workspace import Workspace
 from soter.missions.mission import Mission
 from soter.missions.script import LONGEST_S, Robot
 from soter.sdk import MAX_COORDINATE_M
@@ -39,6 +42,14 @@ class Waypoints(Mission):
             return self
 
     options: Options
+
+    @classmethod
+    def check_workspace(cls, options: Options, workspace: Workspace, body_radius_m: Mapping[int, float]) -> None:
+        """Refuse points for robots that are not in the workspace."""
+        ids = [str(place.id) for place in workspace.robots]
+        for name in options.robots:
+            if name not in ids:
+                raise ConfigError(f"there is no robot '{name}'; allowed: {', '.join(ids)}", key="mission.robots")
 
     async def run(self, robot: Robot) -> None:
         options = self.options

@@ -13,7 +13,7 @@ from soter.errors import ConfigError, SoterError, account_of
 from soter.geometry.workspace import Workspace
 from soter.loading import file_of, line_in
 from soter.machine import Event, MachineError, MachineRef, Runtime
-from soter.missions import ScriptFailed, Stage, make_mission
+from soter.missions import ScriptFailed, Stage, make_mission, placed
 from soter.record.messages import TransitionEvent
 from soter.record.samples import DETAIL_CHARACTERS, in_words
 from soter.rta import ControlReport, Report
@@ -159,8 +159,10 @@ class MachineHost:
             )  # fmt: skip
             try:
                 self._mission_code.start(stage)
-            except (KeyboardInterrupt, ConfigError):
+            except KeyboardInterrupt:
                 raise
+            except ConfigError as refusal:
+                raise placed(self._mission, refusal) from refusal
             except BaseException as failure:  # noqa: BLE001 - foreign code, whose line is named in place of a traceback
                 where = line_in(file_of(self._mission.mission.use), failure)
                 self.failures[None] = f"the mission failed: {account_of(failure)}{where}"

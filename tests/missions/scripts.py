@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
+from soter.errors import ConfigError
 from soter.machine import Event, Goto, Machine, Next, State, Stay
 from soter.missions import Arrival, Mission, Robot, Stage
 from soter.sdk import Waypoint
@@ -226,6 +227,18 @@ class TriesInHalves(Mission):
 class CannotBegin(Mission):
     def begin(self, stage: Stage) -> None:
         raise RuntimeError("no stage")
+
+
+class RefusesLate(Mission):
+    """Finds out only when it begins that it cannot be done as told."""
+
+    class Options(Mission.Options):
+        """How fast."""
+
+        speed_m_s: float = 1.0
+
+    def begin(self, stage: Stage) -> None:
+        raise ConfigError("it is 3, allowed: 1", key="mission.speed_m_s")
 
 
 class CannotBeMade(Mission):

@@ -441,3 +441,17 @@ def test_waypoints_that_no_robot_can_be_sent_to_are_refused(where: list[float]) 
 def test_waypoints_without_any_place_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"nowhere to go; give points, or robots\.N"):
         made(load_mission(ROOM, {"mission": {"use": "waypoints", "robots": {"1": []}}}))
+
+
+def test_places_for_a_robot_that_is_not_there_are_refused() -> None:
+    told = {"use": "waypoints", "points": [[2.0, 1.0]], "robots": {"1": [[2.0, 2.0]], "7": [[3.0, 4.0]]}}
+    with pytest.raises(ConfigError, match=r"mission\.robots: there is no robot '7'; allowed: 1, 2"):
+        made(load_mission(ROOM, {"mission": told}))
+
+
+def test_what_a_mission_refuses_when_it_begins_is_placed_in_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "mission.toml"
+    told = '[mission]\nuse = "tests.missions.scripts:RefusesLate"\nspeed_m_s = 3.0\n'
+    file.write_text(f'workspace = "{ROOM.parent / "room.xml"}"\nbackend = "kinematic"\n{told}')
+    with pytest.raises(ConfigError, match=rf"^{file}:5: mission\.speed_m_s: it is 3, allowed: 1$"):
+        run_mission(load_mission(file))
