@@ -368,8 +368,22 @@ def test_a_robot_that_is_flat_is_not_stuck() -> None:
     run: Any = SimpleNamespace(
         result=SimpleNamespace(failed_robots={}), tracks=SimpleNamespace(tracks={1: track})
     )  # fmt: skip
-    assert in_sc_s(ROOM, run, Ways((1,), times, aside, aside, charge)) == {"1": 99.0}
-    assert in_sc_s(ROOM, run, Ways((1,), times, aside, aside, 0.5 + 0.5 * charge)) == {"1": 399.0}
+    assert in_sc_s(ROOM, run, Ways((1,), times, aside, aside, charge), {1: 0.1}) == {"1": 99.0}
+    assert in_sc_s(ROOM, run, Ways((1,), times, aside, aside, 0.5 + 0.5 * charge), {1: 0.1}) == {"1": 399.0}
+
+
+def test_a_slow_robot_on_a_long_way_is_not_stuck_but_one_that_goes_to_and_fro_is() -> None:
+    times = np.arange(0.0, 400.0)
+    full, y = np.full((400, 1), 0.5), np.full((400, 1), 2.0)
+    track = SimpleNamespace(time_s=array("d", times), driver=array("b", [1] * 400))
+    run: Any = SimpleNamespace(
+        result=SimpleNamespace(failed_robots={}), tracks=SimpleNamespace(tracks={1: track})
+    )  # fmt: skip
+    ahead = 2.0 + 0.05 * times[:, None]
+    assert in_sc_s(ROOM, run, Ways((1,), times, ahead, y, full), {1: 0.05}) == {"1": 0.0}
+    assert in_sc_s(ROOM, run, Ways((1,), times, ahead, y, full), {1: 0.1}) == {"1": 199.5}
+    there_and_back = 2.0 + 0.05 * np.minimum(times, 398.0 - times)[:, None]
+    assert in_sc_s(ROOM, run, Ways((1,), times, there_and_back, y, full), {1: 0.05}) == {"1": 398.0}
 
 
 def test_judges_that_disagree_are_a_finding() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
@@ -22,7 +23,8 @@ from soter.scratch import Scratch
 from soter.specs import asked, read_options
 
 STUCK_S: Final = 300.0
-"""A robot in SC for longer than this, without charging, is stuck; one whose battery is empty is another matter."""
+"""A robot in SC for longer than this, without charging, is stuck, but for the time that its way takes at top speed: the
+safe controller of a slow robot may well drive it home for longer. One whose battery is empty is another matter."""
 
 _MOVED_M: Final = 0.05
 _FULL: Final = 1.0 - 1e-9
@@ -36,8 +38,8 @@ class Judgement:
         truth: violations of promised rules by the simulator's judge.
         judged: violations by the independent judge.
         breaches: the first of these.
-        in_sc_s: longest time in SC without charging, by robot, before its battery was empty; robots whose AC failed for
-            good are left out.
+        in_sc_s: longest time in SC without charging, by robot, before its battery was empty, less the time that the
+            straight way from where that began takes at top speed; robots whose AC failed for good are left out.
         never_moved: robots that stayed where they started although their AC did not fail.
     """
 
@@ -107,7 +109,7 @@ def _judged(room: DrawnRoom, mission: MissionFile, run: Run) -> Judgement:
         truth={rule: (result.violations or {}).get(rule, 0) for rule in limits.rules},
         judged={rule: sum(breach.rule == rule for breach in breaches) for rule in limits.rules},
         breaches=tuple(asdict(breach) for breach in _first(breaches)),
-        in_sc_s=in_sc_s(room, run, ways),
+        in_sc_s=in_sc_s(room, run, ways, {robot_id: each.v_max_m_s for robot_id, each in promised.items()}),
         never_moved=tuple(
             robot_id
             for index, robot_id in enumerate(ways.ids)
@@ -125,8 +127,8 @@ def _first(breaches: list[RuleBreach]) -> list[RuleBreach]:
     return [*found.values()]
 
 
-def in_sc_s(room: DrawnRoom, run: Run, ways: Ways) -> dict[str, float]:
-    """Return, by robot, the longest time in SC without charging, while its AC works and its battery is not empty.
+def in_sc_s(room: DrawnRoom, run: Run, ways: Ways, v_max_m_s: Mapping[int, float]) -> dict[str, float]:
+    """Return `Judgement.in_sc_s` of a run, for robots with these top speeds.
 
     A robot with an empty battery stands under any controller. If that breaks a rule, it is a finding of its own.
     """
@@ -144,12 +146,14 @@ def in_sc_s(room: DrawnRoom, run: Run, ways: Ways) -> dict[str, float]:
         charging = on_station[at, index] & (charge[at] >= charge[before]) & (charge[before] < _FULL)
         waits = (np.asarray(track.driver) != 0) & ~charging & (charge[at] > 0.0)
         longest_s = since_s = 0.0
+        places = np.column_stack((ways.x[at, index], ways.y[at, index])).tolist()
+        began = places[0]
         going_on = False
-        for time_s, waiting in zip(times, waits, strict=True):
+        for time_s, place, waiting in zip(times, places, waits, strict=True):
             if waiting and not going_on:
-                since_s = time_s
+                since_s, began = time_s, place
             going_on = bool(waiting)
             if going_on:
-                longest_s = max(longest_s, time_s - since_s)
+                longest_s = max(longest_s, time_s - since_s - math.dist(began, place) / v_max_m_s[robot_id])
         found[str(robot_id)] = round(float(longest_s), 1)
     return found
