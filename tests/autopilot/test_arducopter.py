@@ -32,11 +32,12 @@ def copters(tmp_path: Path) -> Iterator[Autopilots]:
         yield started
 
 
+@pytest.mark.parametrize("backend", ["mavlink", "mavsdk"])
 @pytest.mark.parametrize("robots", [1, 2])
-def test_copters_with_hostile_targets_break_no_rule(tmp_path: Path, robots: int) -> None:
+def test_copters_with_hostile_targets_break_no_rule(tmp_path: Path, robots: int, backend: str) -> None:
     duration_s = float(os.environ.get("AUTOPILOT_S", "180"))
     with COPTER.start(PROGRAM, tmp_path / "vehicles", robots) as copters:
-        ended = run(COPTER, copters, tmp_path, duration_s, options=["--robots", str(robots)])
+        ended = run(COPTER, copters, tmp_path, duration_s, backend=backend, options=["--robots", str(robots)])
     result, v_max_m_s = ended.result, COPTER.promise["v_max_m_s"]
     assert (ended.code, result["violations"], result["uncontrolled"]) == (0, RULES, {})
     assert result["ac_share"] >= 0.8
