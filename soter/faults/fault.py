@@ -290,7 +290,8 @@ def widened(
                 apart = (dropped + 1) * apart + held
     if capabilities.sample_age_s > exact_s:
         # Ages counted in readings grow by the readings' own jitter, once.
-        capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + capabilities.jitter_s)
+        with blaming(len(faults) - 1):
+            capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + capabilities.jitter_s)
     return capabilities
 
 

@@ -26,6 +26,7 @@ from soter.faults import (
 )
 from soter.runner import run_mission
 from soter.sdk import Capabilities, RobotState
+from soter.specs import promises_of
 from tests.faults.bench import mission
 from tests.project.source import ROOT
 
@@ -220,7 +221,12 @@ def test_a_kind_that_fails_is_named_before_anything_moves(
             use(mission)
 
 
-def test_faults_that_nobody_could_promise_are_named() -> None:
-    asked = {"backend": "kinematic", "fault": [{"kind": "delay", "commands_s": 1e7}]}
-    with pytest.raises(ConfigError, match=r"fault\.0\.kind: it is 'delay', which failed: .*latency_s"):
-        check_mission(load_mission(ROOT / "examples" / "surveillance.toml", asked))
+@pytest.mark.parametrize(
+    ("option", "key"), [({"commands_s": 1e7}, "latency_s"), ({"samples_s": 1e7}, "sample_age_s"),
+                        ({"samples_s": 999_999.96}, "sample_age_s")]
+)  # fmt: skip
+def test_faults_that_nobody_could_promise_are_named(option: dict[str, float], key: str) -> None:
+    asked = {"backend": "zenoh", "fault": [{"kind": "delay", **option}]}
+    delayed = load_mission(ROOT / "examples" / "surveillance.toml", asked)
+    with pytest.raises(ConfigError, match=rf"fault\.0\.kind: it is 'delay', which failed: .*{key}"):
+        promises_of(delayed, delayed.read_workspace())
