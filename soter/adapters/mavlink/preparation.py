@@ -29,6 +29,7 @@ from soter.sdk import Capabilities, Controller
 _DUPLICATE_MESSAGES: Final = 3
 """Dropped messages that prove a duplicate; fewer may be stray packets."""
 
+_TURN: Final = "its turn to arm"
 _ANSWER_S: Final = 1.0
 _KEEP_S: Final = 0.05
 _SLOWER: Final = 0.8
@@ -131,6 +132,11 @@ class Preparation:
         return self.ready
 
     @property
+    def only_to_arm(self) -> bool:
+        """Whether it lacks nothing but to be armed, or to get where an armed vehicle has to be."""
+        return self.may_arm or self.waits_for == _TURN
+
+    @property
     def moved(self) -> bool:
         """Whether the EKF's origin has changed since the vehicle got ready, so that its places mean others."""
         said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
@@ -200,7 +206,7 @@ class Preparation:
             items = fence_items(self._config.workspace, self.workspace_origin)
             yield from put_up(vehicle, self._lists, items, self._parameter)
             self._fenced = reboots
-        yield from self._until(lambda: self.may_arm, "its turn to arm")
+        yield from self._until(lambda: self.may_arm, _TURN)
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
         # After a silence the vehicle may be flying already, at whatever height it was sent to.
         if kind.flies and self._up_m() <= _HEIGHT_M:

@@ -114,6 +114,10 @@ class MavlinkRobot(Robot):
                     # Its trouble is reported when its own turn comes.
                     with suppress(RobotUnavailable):
                         robot._prepared()
+            # Once no vehicle lacks anything else, all are armed at once: copters take their time to climb.
+            if all(robot._preparation.only_to_arm for robot in self._fleet):
+                for robot in self._fleet:
+                    robot._preparation.may_arm = True
             self.clock.sleep_until(self.clock.now() + _LOOK_S)
         sample = self._known()
         if sample is None:

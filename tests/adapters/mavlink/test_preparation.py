@@ -1,4 +1,4 @@
-"""A vehicle of strings gets ready, or is refused before it is armed. No wire, no waiting."""
+"""Vehicles get ready, or are refused before they are armed. No wire, no waiting."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from soter.errors import RobotUnavailable
 from soter.sdk import Controller, Link, Waypoint
 from soter.sdk.robot import FUTURE_S
 from tests.adapters.mavlink.puppet import ROVER_GUIDED, ROVER_HOLD, HostTime, Puppet, ready, robot_of, tick
+from tests.adapters.mavlink.virtual import VirtualBackend, VirtualConfig
+from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 
 AC, SC = Controller.AC, Controller.SC
 
@@ -276,3 +278,25 @@ def test_a_px4_is_not_asked_for_a_gate(puppet: Puppet) -> None:
     robot = ready(puppet, vehicle="copter", height_m=2.0)
     assert not puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)
     assert not robot.capabilities.reports_controller
+
+
+@pytest.mark.parametrize("like", [None, "arducopter"])
+def test_copters_climb_together_once_none_lacks_anything_but_to_be_armed(like: str | None) -> None:
+    promise = {"speed_noise_m_s": 0.15} if like else {}
+    config = VirtualConfig(workspace=ROOM, vehicle="copter", height_m=10.0, like=like, promise=promise)
+    with VirtualBackend().open(config, SPECS) as fleet:
+        wire = VirtualBackend.wire
+        armed_s: dict[int, float] = {}
+
+        def look() -> None:
+            for autopilot in wire.autopilots:
+                if autopilot.armed:
+                    armed_s.setdefault(autopilot.id, wire.host_s)
+
+        wire.between = look
+        fleet.robots[0].init(120.0)
+        one_s = wire.host_s
+        assert armed_s.keys() == {1, 2}
+        assert abs(armed_s[1] - armed_s[2]) < 1.0
+        fleet.robots[1].init(120.0)
+        assert wire.host_s - one_s < 0.3 * (one_s - armed_s[1]), "it has climbed already"

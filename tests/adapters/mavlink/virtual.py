@@ -153,4 +153,6 @@ class VirtualBackend(MavlinkBackend):
         for spec in robots:
             link.inboxes[spec.id] = Inbox()
         link.start()
-        return _Fleet(wire, clock, [_Robot(spec, clock, link, config) for spec in robots])
+        made: list[_Robot] = []
+        made += [_Robot(spec, clock, link, config, made) for spec in robots]
+        return _Fleet(wire, clock, made)
