@@ -43,9 +43,9 @@ ATTACK_S: Final = 24.0
 
 FAR_M: Final = 3.0
 INIT_TIMEOUT_S: Final = 1.0
-NEAREST_M, FARTHEST_M = 0.22, 1.2
-"""Distances from the first robot at which peers begin that are to collide; how near a user's rule lets them come is
-not known."""
+_NEAREST, _FARTHEST = 0.75, 4.0
+"""Distances from the first robot at which peers begin that are to collide, as shares of phi_safe; how near a user's
+rule lets them come is not known."""
 
 _MOTION: Final = {Assumption.MOTION, Assumption.BRAKING, Assumption.LATENCY, Assumption.POSITION_NOISE}
 """Assumptions on which the models of modules rest."""
@@ -178,7 +178,7 @@ class ModuleBench:
         for index, place in enumerate(self.workspace.robots):
             first, second, turn = vector[index * self._per_robot : index * self._per_robot + 3]
             if specs and self.name == COLLISION:
-                away_m = NEAREST_M + second * (FARTHEST_M - NEAREST_M)
+                away_m = self._mission.rta.collision.phi_safe_m * (_NEAREST + second * (_FARTHEST - _NEAREST))
                 x_m = specs[0].x_m + away_m * math.cos(math.tau * first)
                 y_m = specs[0].y_m + away_m * math.sin(math.tau * first)
             else:

@@ -111,15 +111,16 @@ class Capabilities:
         """Reported speed above which a robot moves, whatever the noise; at or below it, the robot may stand."""
         return _MOVING_M_S + (self.speed_noise_m_s or 0.0)
 
-    def rests(self, state: RobotState) -> bool:
-        """Return whether a robot that reports this state stands still, as far as its noise allows to tell.
+    @property
+    def rest_rad_s(self) -> float:
+        """Reported yaw rate up to which a robot may stand; speed noise bounds how fast its rim seems to move, too."""
+        noise_m_s, radius_m = self.speed_noise_m_s or 0.0, self.body_radius_m
+        return max(REST_RAD_S, noise_m_s / radius_m) if radius_m > 0.0 else REST_RAD_S
 
-        The speed noise also bounds how fast the rim of its body may seem to move.
-        """
-        noise_m_s, turns_rad_s = self.speed_noise_m_s or 0.0, abs(state.yaw_rate_rad_s)
-        return math.hypot(state.vx_m_s, state.vy_m_s) <= REST_M_S + noise_m_s and (
-            turns_rad_s <= REST_RAD_S or 0.0 < turns_rad_s * self.body_radius_m <= noise_m_s
-        )
+    def rests(self, state: RobotState) -> bool:
+        """Return whether a robot that reports this state stands still, as far as its noise allows to tell."""
+        fast_m_s = math.hypot(state.vx_m_s, state.vy_m_s)
+        return fast_m_s <= REST_M_S + (self.speed_noise_m_s or 0.0) and abs(state.yaw_rate_rad_s) <= self.rest_rad_s
 
     def unrest(self, state: RobotState) -> str:
         """Return, in words, why a robot that was told to stand and reports this state does not count as standing."""

@@ -9,6 +9,7 @@ import pytest
 
 from soter.adapters.pybullet import KinematicBackend
 from soter.check.bench import ModuleBench
+from soter.check.conditions import Certainty
 from soter.check.mission import TRIED_ROBOTS, check_mission
 from soter.config import MissionFile, load_mission
 from soter.sdk import Capabilities
@@ -62,3 +63,10 @@ def test_as_many_of_the_missions_robots_are_tried_as_there_are_up_to_a_number(
     report = check_mission(mission(example, **{"rta.modules": ["collision"]}), budget=2)
     texts = [each.text for each in report.findings if each.module == module and each.condition == "P2a"]
     assert [text.partition(",")[0] for text in texts] == [f"{robots} robots jointly"]
+
+
+@pytest.mark.parametrize("example", ["ardurover", "arducopter"])
+def test_pairs_that_keep_far_apart_are_tried_where_they_come_near_each_other(example: str) -> None:
+    loaded = load_mission(ROOT / "examples" / example / "mission.toml", {"rta.modules": ["collision"]})
+    found = [each for each in check_mission(loaded, budget=4).findings if each.condition.startswith("P2")]
+    assert [(each.condition, each.verdict) for each in found] == [("P2a", Certainty.TESTED), ("P2b", Certainty.TESTED)]

@@ -24,6 +24,9 @@ _NO_FIX_S: Final = 0.8
 """A GPS without a fix for this time has lost its satellites; ArduPilot, whose GPS has to give five fixes a second,
 reports the loss some seconds later."""
 
+_EKF_SILENT_S: Final = 2.0
+"""An EKF that has not said for this time whether it knows where it is, while it sends positions, is not trusted."""
+
 _TOOK_S: Final = 5.0
 """A vehicle that leaves its mode within this time after a failure has done so by itself; else a person changed it."""
 
@@ -134,8 +137,13 @@ class Obedience:
 
     def _lost_its_way(self) -> str:
         vehicle = self._vehicle
-        report = vehicle.ekf_report(-math.inf)
-        if report is None or not vehicle.ekf_ready(-math.inf):
+        position = vehicle.inbox.latest["LOCAL_POSITION_NED"]
+        # Compared with positions: while the link is silent there is no news of the EKF either.
+        since_s = position.received_s - _EKF_SILENT_S
+        report = vehicle.ekf_report(since_s)
+        if report is None:
+            return f"its EKF has not said for {_EKF_SILENT_S:g} s whether it knows where it is"
+        if not vehicle.ekf_ready(since_s):
             return "its EKF does not know where it is"
         if report.flags & mav.EKF_GPS_GLITCHING:
             return "its EKF sees its GPS jump"
@@ -150,7 +158,7 @@ class Obedience:
         if gps.message.fix_type < _FIX:
             return f"its GPS has lost its place: fix type {gps.message.fix_type}, allowed: {_FIX} or more"
         # By the vehicle's own clock: while the link is silent there is no news of the GPS either.
-        stamp_s = vehicle.inbox.latest["LOCAL_POSITION_NED"].message.time_boot_ms * 1e-3
+        stamp_s = position.message.time_boot_ms * 1e-3
         # A PX4 that does not know what time it is sends 0, but sends nothing without a fix.
         fix = gps.message.time_usec or gps.received_s
         if fix != self._fix or stamp_s < self._fix_s:

@@ -36,7 +36,6 @@ _SLOWER: Final = 0.8
 _ASKED_HZ: Final = 50.0
 _FLOWING: Final = 0.3
 _COUNTED_S: Final = 0.5
-_REST_RAD_S: Final = 0.02
 _HEIGHT_M: Final = 0.25
 
 STREAMS: Final = {
@@ -167,6 +166,8 @@ class Preparation:
         for message_id in _SLOW_STREAMS:
             vehicle.ask_for(KEEPER, message_id, _SLOW_HZ)
         vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_GPS_RAW_INT, _GPS_HZ)
+        if kind.is_px4:
+            vehicle.ask_for(KEEPER, _PX4_EKF, _SLOW_HZ)
         yield from self._until(
             lambda: vehicle.heard_since("SYS_STATUS", self._since_s) is not None, "the state of its battery",
             lambda: vehicle.ask_for(KEEPER, mav.MAVLINK_MSG_ID_SYS_STATUS, _SLOW_HZ),
@@ -377,9 +378,9 @@ class Preparation:
             return False
         speed_m_s = math.hypot(position.vx, position.vy, position.vz)
         # At rest the vehicle reports its estimate's noise; if that exceeds the promised noise, this waits for ever.
-        rest_m_s = self._promised.speed_noise_m_s or 0.0
+        rest_m_s, rest_rad_s = self._promised.speed_noise_m_s or 0.0, self._promised.rest_rad_s
         self._moves = (
             f"it shows {speed_m_s:.3f} m/s and {attitude.yawspeed:.3f} rad/s, allowed at rest: "
-            f"promise.speed_noise_m_s = {rest_m_s:g}, and {_REST_RAD_S:g} rad/s"
+            f"promise.speed_noise_m_s = {rest_m_s:g}, and {rest_rad_s:.2g} rad/s"
         )
-        return speed_m_s <= rest_m_s and abs(attitude.yawspeed) <= _REST_RAD_S
+        return speed_m_s <= rest_m_s and abs(attitude.yawspeed) <= rest_rad_s

@@ -41,7 +41,6 @@ _BEAT_S: Final = 1.0
 _SYNC_S: Final = 0.05
 _LOST_S: Final = 1.0
 _REPEAT_S: Final = 0.1
-_REST_RAD_S: Final = 0.02
 
 
 class MavlinkRobot(Robot):
@@ -384,7 +383,7 @@ class MavlinkRobot(Robot):
             sample is not None
             and self.clock.now() - sample.stamp_s <= self.stale_after_s
             and math.hypot(sample.vx_m_s, sample.vy_m_s) <= (self.declared.speed_noise_m_s or 0.0)
-            and abs(sample.yaw_rate_rad_s) <= _REST_RAD_S
+            and abs(sample.yaw_rate_rad_s) <= self.declared.rest_rad_s
             and self._vehicle.mode == self._vehicle.kind.stop
         )
 

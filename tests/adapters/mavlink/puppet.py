@@ -57,7 +57,7 @@ class Puppet(MavlinkLink):
         self.mode, self.armed, self.ekf = 0, False, 831
         self.status = mav.MAV_STATE_ACTIVE
         self.fix = mav.GPS_FIX_TYPE_3D_FIX
-        self.finds = True
+        self.finds = self.tells_ekf = True
         self.fixed_s = 0.0
         self.times_fixes = True
         self.variance = self.compass = 0.01
@@ -73,7 +73,7 @@ class Puppet(MavlinkLink):
         self.parameters: dict[str, float] = {}
         self.master = 0
         self.x_m = self.y_m = self.up_m = self.speed_m_s = 0.0
-        self.yaw_rad = 0.5 * math.pi
+        self.yaw_rad, self.yaw_rate_rad_s = 0.5 * math.pi, 0.0
         self.clock_s = 1000.0
         self.percent = 80
 
@@ -128,9 +128,11 @@ class Puppet(MavlinkLink):
             system_status=self.status,
         )  # fmt: skip
         self.say("LOCAL_POSITION_NED", **stamp, x=self.y_m, y=self.x_m, z=-self.up_m, vx=self.speed_m_s, vy=0.0, vz=0.0)
-        self.say("ATTITUDE", **stamp, yaw=self.yaw_rad, yawspeed=0.0)
+        self.say("ATTITUDE", **stamp, yaw=self.yaw_rad, yawspeed=self.yaw_rate_rad_s)
         self.say("SYS_STATUS", battery_remaining=self.percent, voltage_battery=11_000)
-        if self.kind[1] == mav.MAV_AUTOPILOT_PX4:
+        if not self.tells_ekf:
+            pass
+        elif self.kind[1] == mav.MAV_AUTOPILOT_PX4:
             self.say("ESTIMATOR_STATUS", flags=self.ekf, pos_horiz_ratio=self.variance, mag_ratio=self.compass)
         else:
             self.say("EKF_STATUS_REPORT", flags=self.ekf, pos_horiz_variance=self.variance)

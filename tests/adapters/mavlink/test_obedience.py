@@ -271,3 +271,17 @@ def test_fixes_without_a_time_are_new_as_long_as_they_come(puppet: Puppet) -> No
     assert tick(puppet, robot, 60) == []
     puppet.finds = False
     assert "its GPS has found no place for 0.8 s" in tick(puppet, robot, 60)[0]
+
+
+@pytest.mark.parametrize("autopilot", [mav.MAV_AUTOPILOT_ARDUPILOTMEGA, mav.MAV_AUTOPILOT_PX4])
+def test_an_ekf_that_says_no_more_whether_it_knows_where_it_is_is_not_believed(puppet: Puppet, autopilot: int) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_GROUND_ROVER, autopilot), False
+    robot = ready(puppet)
+    puppet.tells_ekf = False
+    tick(puppet, robot, 30)
+    assert robot.read_state().age_s(robot.clock.now()) < 0.1
+    tick(puppet, robot, 30)
+    assert robot.read_state().age_s(robot.clock.now()) > 0.5, "positions go on, and age"
+    puppet.tells_ekf = True
+    tick(puppet, robot, 2)
+    assert robot.read_state().age_s(robot.clock.now()) < 0.1

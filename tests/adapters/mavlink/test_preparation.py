@@ -68,8 +68,11 @@ def test_rest_is_what_the_promised_noise_of_the_speed_allows(puppet: Puppet) -> 
     with pytest.raises(RobotUnavailable, match=r"shows 0\.030 m/s .* promise\.speed_noise_m_s = 0\.01"):
         robot_of(puppet).init(5.0)
     other = Puppet(HostTime())
-    other.speed_m_s = 0.03
-    robot = ready(other, promise={"speed_noise_m_s": 0.05})
+    # A gyroscope shakes, too: the rim of a body of 0.35 m seems to move by the same noise.
+    other.speed_m_s, other.yaw_rate_rad_s = 0.03, 0.05
+    with pytest.raises(RobotUnavailable, match=r"0\.050 rad/s, allowed at rest: .* and 0\.029 rad/s"):
+        robot_of(other, promise={"speed_noise_m_s": 0.03, "body_radius_m": 1.05}).init(5.0)
+    robot = ready(other, promise={"speed_noise_m_s": 0.05, "body_radius_m": 0.35})
     assert robot.declared.moving_m_s == pytest.approx(0.07)
     began_s = other.time()
     robot.close(5.0)
