@@ -68,15 +68,18 @@ class JudgedParameters:
 
     def _brakes_weakly(self) -> str:
         """Refuse a vehicle that limits its braking to less than promised."""
-        for name in self._vehicle.kind.brakes:
-            most_m_s2 = self._vehicle.parameters.get(name)
-            if most_m_s2 is None or most_m_s2 >= self._brake_m_s2:
+        for name, unit_m_s2 in self._vehicle.kind.brakes.items():
+            value = self._vehicle.parameters.get(name)
+            if value is None or value <= 0.0:
+                continue
+            # Also refuses NaN.
+            if value * unit_m_s2 * _ROUNDED >= self._brake_m_s2:
                 return ""
-            if not most_m_s2 <= 0.0:
-                return (
-                    f"its {name} is {most_m_s2:g}, and promise.brake_m_s2 is {self._brake_m_s2:g}; allowed: a promise "
-                    "of at most that, or a larger parameter where the vehicle brakes so hard"
-                )
+            return (
+                f"its {name} is {value:g}, which is {value * unit_m_s2:g} m/s2, and promise.brake_m_s2 is "
+                f"{self._brake_m_s2:g}; allowed: a promise of at most that, or a larger parameter where the vehicle "
+                "brakes so hard"
+            )
         return ""
 
     def _hurries(self) -> str:

@@ -14,7 +14,7 @@ from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.link import AUTOPILOT, Fields, MavlinkLink
 from soter.errors import RobotUnavailable
 
-_ROVERS: Final = frozenset({mav.MAV_TYPE_GROUND_ROVER, mav.MAV_TYPE_SURFACE_BOAT})
+_ROVERS: Final = frozenset({mav.MAV_TYPE_GROUND_ROVER})
 _COPTERS: Final = frozenset({
     mav.MAV_TYPE_QUADROTOR, mav.MAV_TYPE_COAXIAL, mav.MAV_TYPE_HELICOPTER, mav.MAV_TYPE_HEXAROTOR,
     mav.MAV_TYPE_OCTOROTOR, mav.MAV_TYPE_TRICOPTER, mav.MAV_TYPE_DODECAROTOR,
@@ -40,7 +40,7 @@ class VehicleKind:
         stop: the mode in which it stands, or hovers, whatever came before.
         land: the mode in which it lands; None for ground vehicles.
         names: names of modes, for messages to users.
-        brakes: the parameters that limit its braking, in m/s2: the first of them that is above 0 counts.
+        brakes: the parameters that limit its braking, with their unit in m/s2; the first of them above 0 counts.
         speeds: the parameters that limit its speed before it is asked for less, with their unit in m/s.
     """
 
@@ -51,7 +51,7 @@ class VehicleKind:
     stop: int
     land: int | None
     names: Mapping[int, str]
-    brakes: tuple[str, ...] = ()
+    brakes: Mapping[str, float] = field(default_factory=dict)
     speeds: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -74,12 +74,12 @@ class VehicleKind:
 ARDUROVER: Final = VehicleKind(
     "rover", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=False, guided=15, stop=4, land=None,
     names={0: "MANUAL", 3: "STEERING", 4: "HOLD", 5: "LOITER", 10: "AUTO", 11: "RTL", 15: "GUIDED"},
-    brakes=("ATC_DECEL_MAX", "ATC_ACCEL_MAX"),
+    brakes={"ATC_DECEL_MAX": 1.0, "ATC_ACCEL_MAX": 1.0},
 )  # fmt: skip
 ARDUCOPTER: Final = VehicleKind(
     "copter", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=True, guided=4, stop=17, land=9,
     names={0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND", 17: "BRAKE"},
-    speeds={"WPNAV_SPEED": 0.01, "WP_SPD": 1.0},
+    brakes={"WPNAV_ACCEL": 0.01, "WP_ACC": 1.0}, speeds={"WPNAV_SPEED": 0.01, "WP_SPD": 1.0},
 )  # fmt: skip
 _PX4_NAMES: Final = {
     px4_mode(1): "MANUAL", px4_mode(3): "POSCTL", px4_mode(4, 3): "HOLD", px4_mode(4, 4): "MISSION",
@@ -103,12 +103,17 @@ def kind_of(vehicle_type: int, autopilot: int) -> VehicleKind:
     Raises:
         RobotUnavailable: this adapter cannot command such a vehicle.
     """
+    if vehicle_type == mav.MAV_TYPE_SURFACE_BOAT:
+        raise RobotUnavailable(
+            "it is a boat, which drifts where it has stopped: neither its safe controllers nor the end of its lease "
+            "would hold it; this adapter commands rovers and multicopters"
+        )
     name = "rover" if vehicle_type in _ROVERS else "copter" if vehicle_type in _COPTERS else ""
     kind = _KINDS.get((name, autopilot))
     if kind is None:
         raise RobotUnavailable(
-            f"it is a vehicle of MAV_TYPE {vehicle_type} with MAV_AUTOPILOT {autopilot}; this adapter commands rovers, "
-            "boats and multicopters with ArduPilot or PX4"
+            f"it is a vehicle of MAV_TYPE {vehicle_type} with MAV_AUTOPILOT {autopilot}; this adapter commands rovers "
+            "and multicopters with ArduPilot or PX4"
         )
     return kind
 

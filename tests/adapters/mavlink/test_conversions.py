@@ -94,8 +94,14 @@ def test_px4_packs_two_modes_into_one() -> None:
     ],
 )
 def test_what_cannot_be_commanded_is_refused(vehicle: int, autopilot: int) -> None:
-    with pytest.raises(RobotUnavailable, match="rovers, boats and multicopters"):
+    with pytest.raises(RobotUnavailable, match="rovers and multicopters"):
         kind_of(vehicle, autopilot)
+
+
+@pytest.mark.parametrize("autopilot", [mav.MAV_AUTOPILOT_ARDUPILOTMEGA, mav.MAV_AUTOPILOT_PX4])
+def test_boats_drift_where_they_have_stopped_and_are_refused(autopilot: int) -> None:
+    with pytest.raises(RobotUnavailable, match="it is a boat, which drifts"):
+        kind_of(mav.MAV_TYPE_SURFACE_BOAT, autopilot)
 
 
 # --- connections and options ---------------------------------------------------------------------------------
