@@ -119,8 +119,9 @@ class Admission:
 
     @property
     def unproved(self) -> list[Finding]:
-        """The proofs that failed, with which a mission is run only if they are accepted."""
-        return [each for each in self.proofs if each.verdict is not Certainty.PROVED]
+        """P3 of predicates, and failed proofs: a mission with them is run only if they are accepted."""
+        predicates = [each for each in self.findings if (each.condition, each.verdict) == ("P3", Certainty.ASSUMED)]
+        return [*predicates, *(each for each in self.proofs if each.verdict is not Certainty.PROVED)]
 
 
 def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Admission:

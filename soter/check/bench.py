@@ -8,7 +8,7 @@ true poses.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
@@ -41,6 +41,9 @@ LONGEST_SEGMENT_S: Final = 6.0
 ATTACK_S: Final = 24.0
 """An AC that was not disengaged within this time has failed."""
 
+TRIED_ROBOTS: Final = 4
+"""How many of a mission's robots, the first ones, take part in trials."""
+
 FAR_M: Final = 3.0
 INIT_TIMEOUT_S: Final = 1.0
 _NEAREST, _FARTHEST = 0.75, 4.0
@@ -71,18 +74,18 @@ def open_floor(robots: int) -> Workspace:
 
 
 def floor_bench(
-    target: str, options: Mapping[str, object] | None = None, robots: int = 1, patience_s: float = 60.0
+    target: str, options: Mapping[str, object] | None = None, robots: int | None = None, patience_s: float = 60.0
 ) -> ModuleBench:
     """Return a bench with a single module of the user's own, on an open floor.
 
     Args:
         target: `package.module:name`, a declaring function or a declaration.
         options: the module's options.
-        robots: number of robots.
+        robots: number of robots; None for two with a rule about pairs, and one with any other.
         patience_s: how long its safe controller may take to get back to phi_safer.
 
     Raises:
-        ConfigError: there is no such module, or it does not allow an option.
+        ConfigError: there is no such module, it does not allow an option, or one robot is to try a rule about pairs.
     """
     module = {CHECKED: {"declare": target, "options": dict(options or {})}}
     tables = {"workspace": Path("open floor"), "backend": BACKEND, "rta": {"modules": (), "module": module}}
@@ -90,17 +93,32 @@ def floor_bench(
         mission = MissionFile.model_validate(tables)
     except ValidationError as failure:
         raise config_error(pydantic_problems(failure, MissionFile), None) from failure
-    return ModuleBench(mission, open_floor(robots), CHECKED, robots, patience_s)
+    return _with_enough(lambda count: ModuleBench(mission, open_floor(count), CHECKED, count, patience_s), robots, 2)
 
 
-def mission_bench(path: Path | str, name: str, robots: int = 1, patience_s: float = 60.0) -> ModuleBench:
+def mission_bench(path: Path | str, name: str, robots: int | None = None, patience_s: float = 60.0) -> ModuleBench:
     """Return a bench with the modules, the workspace and the options of a mission file; see `ModuleBench`.
 
+    `robots` None stands for up to four of the mission's with a rule about pairs, and for one with any other.
+
     Raises:
-        ConfigError: something in the file is not allowed, or the mission has no such module.
+        ConfigError: something in the file is not allowed, the mission has no such module, or one robot is to try a rule
+            about pairs.
     """
     mission = load_mission(path)
-    return ModuleBench(mission, mission.read_workspace(), name, robots, patience_s)
+    workspace = mission.read_workspace()
+    most = min(len(workspace.robots), TRIED_ROBOTS)
+    return _with_enough(lambda count: ModuleBench(mission, workspace, name, count, patience_s), robots, most)
+
+
+def _with_enough(make: Callable[[int], ModuleBench], robots: int | None, most: int) -> ModuleBench:
+    """Return a bench with so many robots; None for as many as the module's rule is about, up to a number."""
+    bench = make(robots or 1)
+    if bench.robots > 1 or not bench.module.of_pairs:
+        return bench
+    if robots is None:
+        return make(most)
+    raise ConfigError(f"robots is 1, but the rule of '{bench.name}' is about pairs of robots; allowed: 2 or more")
 
 
 class ModuleBench:

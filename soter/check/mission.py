@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from soter.check.admission import admit_declared, declare_all
-from soter.check.bench import ModuleBench
+from soter.check.bench import TRIED_ROBOTS, ModuleBench
 from soter.check.conditions import Certainty, Finding, conditions, rejection
 from soter.check.falsify import Falsified, falsify
 from soter.config import MissionFile
@@ -15,9 +15,6 @@ from soter.errors import ConfigError, IllFormedModule, account_of
 from soter.geometry.workspace import Workspace
 from soter.specs import promises_of
 from soter.stack.right_of_way import COLLISION
-
-TRIED_ROBOTS: Final = 4
-"""How many of the mission's robots, the first ones, take part in trials."""
 
 _REFUSED: Final = Certainty.ASSUMED, "not tested: another module of the mission is rejected, so that nothing can be run"
 Progress = Callable[[str], None]

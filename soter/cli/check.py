@@ -55,7 +55,12 @@ def check(
     settings: Settings = None,
     budget: Annotated[int, option("N", "Trials for a module that is tested.", min=2)] = 200,
     seed: Annotated[int, option("N", "Everything random is drawn from it.", min=0)] = 0,
-    robots: Annotated[int, option("N", "Robots in the trials of module:NAME.", min=1, max=8)] = 1,
+    robots: Annotated[
+        int | None,
+        option(
+            "N", "Robots in the trials of module:NAME; by default 2 if its rule is about pairs, else 1.", min=1, max=8
+        ),
+    ] = None,
     patience: Annotated[float, option("SECONDS", "Time to come back, with module:NAME.", min=0.1, max=3600.0)] = 60.0,
     allow_gaps: Annotated[
         bool, switch("--allow-gaps", "Exit with 0 although a proof has a gap, if nothing is rejected.")
@@ -99,7 +104,7 @@ def check(
 
 
 def _check(
-    console: Console, subject: dict[str, Any], robots: int, patience_s: float, budget: int, seed: int
+    console: Console, subject: dict[str, Any], robots: int | None, patience_s: float, budget: int, seed: int
 ) -> MissionReport:
     from soter.check.mission import check_mission, check_module
     from soter.cli.console import is_live
@@ -122,7 +127,7 @@ def _mission(subject: dict[str, Any]) -> MissionFile:
     return load_with_engine(Path(subject["target"]), merge({"backend": subject["backend"]}, subject["settings"]))
 
 
-def _own_module(subject: dict[str, Any], robots: int, patience_s: float) -> ModuleBench:
+def _own_module(subject: dict[str, Any], robots: int | None, patience_s: float) -> ModuleBench:
     from soter.check.bench import floor_bench
     from soter.loading import find_from_here
 

@@ -171,6 +171,17 @@ def test_a_gap_is_refused_with_the_place_and_the_numbers_unless_it_is_accepted(t
     assert run_mission(mission(), study=Study()).result.accepted_unproved == accepted, "studies are questions"
 
 
+def test_a_module_of_predicates_is_run_only_if_what_its_author_claims_is_accepted() -> None:
+    own = {"rta.module.own": {"declare": "tests.check.planted:predicates"}}
+    with pytest.raises(ConfigError, match=r"rta\.module\.own: P3 of module 'own' is ASSUMED: given by predicates"):
+        run_mission(mission(backend=f"{__name__}:NeverOpened", **own))
+    accepted = run_mission(mission(duration_s=1.0, **own), accept_unproved=True).result.accepted_unproved
+    # Of ways home through its rule nobody knows anything either.
+    assert [each.partition(":")[0] for each in accepted] == [
+        "P3 of module 'own' is ASSUMED", "P2c of module 'own' is PARTLY",
+    ]  # fmt: skip
+
+
 @pytest.mark.usefixtures("gap")
 def test_the_command_line_refuses_a_gap_with_2_and_says_what_was_accepted(tmp_path: Path) -> None:
     words = ["run", str(SURVEILLANCE), "--backend", "kinematic", "--planner", "straight-line", "--duration", "1"]

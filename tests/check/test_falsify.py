@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from soter.check.bench import ModuleBench, floor_bench
+from soter.check.bench import TRIED_ROBOTS, ModuleBench, floor_bench, mission_bench
 from soter.check.conditions import Certainty, Finding
 from soter.check.falsify import Falsified, falsify
 from soter.check.mission import MissionReport, check_module
@@ -229,3 +229,15 @@ def test_two_robots_that_stand_in_each_others_way_come_apart() -> None:
         assert fleet.truth is not None
         assert fleet.truth.report().violations == ()
     assert released == {1, 2}
+
+
+def test_a_rule_about_pairs_is_never_tried_with_one_robot() -> None:
+    pairs = partial(floor_bench, "soter.campaign.random.attackers:declare_far", {"far_m": 1.0, "spare_m": 0.6})
+    assert pairs().robots == 2
+    assert pairs(robots=3).robots == 3
+    assert floor_bench("tests.check.planted:right").robots == 1
+    with pytest.raises(ConfigError, match=r"robots is 1, but the rule of 'module' is about pairs .* 2 or more"):
+        pairs(robots=1)
+    warehouse = ROOT / "examples" / "warehouse.toml"
+    assert mission_bench(warehouse, "collision").robots == TRIED_ROBOTS
+    assert mission_bench(warehouse, "geofence").robots == 1

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from soter.adapters.pybullet import KinematicBackend
-from soter.check.bench import ModuleBench
+from soter.check.bench import TRIED_ROBOTS, ModuleBench
 from soter.check.conditions import Certainty
-from soter.check.mission import TRIED_ROBOTS, check_mission
+from soter.check.mission import check_mission
 from soter.config import MissionFile, load_mission
 from soter.sdk import Capabilities
 from tests.project.source import ROOT
