@@ -21,6 +21,8 @@ from tests.autopilot.ardupilot import ORIGIN, Autopilots
 
 EXAMPLES: Final = Path(__file__).resolve().parents[2] / "examples"
 REST_S: Final = 4.0
+READY_S: Final = 45.0
+"""All are armed within this time: an EKF takes 43 s, and little may come on top."""
 MOVES_M_S: Final = 0.05
 FAST_M_S: Final = 0.6
 RULES: Final = {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}

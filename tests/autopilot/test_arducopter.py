@@ -16,7 +16,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.autopilot.ardupilot import Autopilots
-from tests.autopilot.missions import CALIBRATED, RULES, Example, run
+from tests.autopilot.missions import CALIBRATED, READY_S, RULES, Example, run
 
 PROGRAM: Final = os.environ.get("ARDUCOPTER", "")
 pytestmark = [
@@ -42,6 +42,7 @@ def test_copters_with_hostile_targets_break_no_rule(tmp_path: Path, robots: int,
     assert (ended.code, result["violations"], result["uncontrolled"]) == (0, RULES, {})
     assert result["ac_share"] >= 0.8
     assert result["longest_stall_s"] <= 30.0
+    assert ended.ready_s <= READY_S
     assert 0.9 * v_max_m_s <= ended.top_m_s <= v_max_m_s
 
 

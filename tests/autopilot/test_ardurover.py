@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.geometry.site import GeoOrigin
 from tests.autopilot.ardupilot import Autopilots
-from tests.autopilot.missions import CALIBRATED, RULES, Example, drawn_on_a_map, run
+from tests.autopilot.missions import CALIBRATED, READY_S, RULES, Example, drawn_on_a_map, run
 
 PROGRAM: Final = os.environ.get("ARDUROVER", "")
 pytestmark = [
@@ -55,6 +55,7 @@ def test_two_rovers_with_hostile_targets_break_no_rule(rovers: Autopilots, tmp_p
     assert (ended.code, result["violations"], result["uncontrolled"]) == (0, RULES, {})
     assert result["ac_share"] >= 0.8
     assert result["longest_stall_s"] <= 30.0
+    assert ended.ready_s <= READY_S
     assert 0.9 <= ended.top_m_s <= 1.0
 
 
@@ -65,6 +66,7 @@ def test_two_rovers_in_a_field_that_is_drawn_on_a_map_break_no_rule(tmp_path: Pa
         ended = run(drawn, rovers, tmp_path, float(os.environ.get("AUTOPILOT_S", "120")))
     assert (ended.code, ended.result["violations"], ended.result["uncontrolled"]) == (0, RULES, {})
     assert ended.result["ac_share"] >= 0.5
+    assert ended.ready_s <= READY_S
 
 
 @pytest.mark.parametrize(
