@@ -81,6 +81,7 @@ class Autopilots:
         truth: where the witness tells what really happens, as host:port.
         processes: one a robot.
         seen: by robot, the last pose and speed: x_m, y_m, heading_rad, v_m_s.
+        paths: by robot, all of them: `time.time()` when it was heard, x_m, y_m.
     """
 
     def __init__(
@@ -98,6 +99,7 @@ class Autopilots:
         self.port: Final = free_port()
         self.processes: Final[dict[int, subprocess.Popen[bytes]]] = {}
         self.seen: Final[dict[int, tuple[float, float, float, float]]] = {}
+        self.paths: Final[dict[int, list[tuple[float, float, float]]]] = {spec.id: [] for spec in robots}
         self._robots: Final = tuple(robots)
         earth = workspace.plan.origin if isinstance(workspace, Site) else None
         self._earth: Final = None if earth is None else Projection(earth, "workspace")
@@ -164,12 +166,12 @@ class Autopilots:
         values = [*params, *[0.0] * (7 - len(params))]
         self._send(robot_id, mav.MAVLink_command_long_message(robot_id, 1, number, 0, *values))
 
-    def send_to(self, robot_id: int, x_m: float, y_m: float) -> None:
+    def send_to(self, robot_id: int, x_m: float, y_m: float, height_m: float = 0.0) -> None:
         """Send it to a place, as another ground station does."""
         lat_deg, lon_deg = self._geodetic(x_m, y_m)
         frame, mask = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, 0x0DF8
         self._send(robot_id, mav.MAVLink_set_position_target_global_int_message(
-            0, robot_id, 1, frame, mask, round(lat_deg * 1e7), round(lon_deg * 1e7), *[0.0] * 9
+            0, robot_id, 1, frame, mask, round(lat_deg * 1e7), round(lon_deg * 1e7), height_m, *[0.0] * 8
         ))  # fmt: skip
 
     def set(self, robot_id: int, name: str, value: float) -> None:
@@ -219,6 +221,7 @@ class Autopilots:
                     continue  # ArduPilot passes on what ground stations send it, heartbeats too
                 if message.get_type() == "SIM_STATE":
                     self.seen[robot_id] = self._pose(message)
+                    self.paths[robot_id].append((time.time(), *self.seen[robot_id][:2]))
                 elif message.get_type() == "HEARTBEAT":
                     self._armed[robot_id] = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
 

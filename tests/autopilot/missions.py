@@ -18,11 +18,15 @@ from soter.geometry.earth import Projection
 from soter.geometry.site import GeoOrigin
 from soter.sdk import RobotSpec, RuleLimits
 from tests.autopilot.ardupilot import ORIGIN, Autopilots
+from tests.autopilot.seen import Seen, seen
 
 EXAMPLES: Final = Path(__file__).resolve().parents[2] / "examples"
 REST_S: Final = 4.0
 READY_S: Final = 45.0
 """All are armed within this time: an EKF takes 43 s, and little may come on top."""
+SEEN_S: Final = 1.0
+"""What takes a vehicle away from SOTER is seen within this time."""
+
 MOVES_M_S: Final = 0.05
 FAST_M_S: Final = 0.6
 RULES: Final = {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
@@ -114,6 +118,7 @@ def drawn_on_a_map(example: Example, folder: Path, origin: GeoOrigin) -> Example
     return replace(example, file=file)
 
 
+@dataclass(frozen=True)
 class Ended:
     """How a run ended.
 
@@ -123,11 +128,15 @@ class Ended:
         top_m_s: the top speed of any rover, by the truth.
         way_m: how far robot 1 went on after `happens` was called.
         ready_s: from the start of SOTER, which is that of the vehicles, until all were armed.
+        seen: what SOTER saw of robot 1 since `happens` was called.
     """
 
-    def __init__(self, code: int, result: dict[str, Any], top_m_s: float, way_m: float, ready_s: float) -> None:
-        self.code, self.result, self.top_m_s, self.way_m = code, result, top_m_s, way_m
-        self.ready_s = ready_s
+    code: int
+    result: dict[str, Any]
+    top_m_s: float
+    way_m: float
+    ready_s: float
+    seen: Seen
 
 
 def run(
@@ -140,7 +149,7 @@ def run(
     options: Sequence[str] = (),
 ) -> Ended:
     """Run a mission on its vehicles; let something happen once robot 1 has been fast for a while."""
-    file = folder / "result.json"
+    file, recording = folder / "result.json", folder / "run.mcap"
     reached = {"truth": vehicles.truth, "connection": f"udpin:127.0.0.1:{vehicles.port}"}
     settings = [word for key, value in reached.items() for word in ("--set", f"backends.mavlink.{key}={value}")]
     # A busy host may hold up the mission's process; it is the vehicles that are on trial here.
@@ -151,11 +160,12 @@ def run(
     settings = [word.replace("mavlink", backend) for word in settings]
     process = subprocess.Popen(
         [sys.executable, "-m", "soter.cli", "run", mission, "--targets", "hostile", "--duration", str(duration_s),
-         "--no-record", "--quiet", "--json", file, *settings, *options],
+         *(["--no-record"] if happens is None else ["--record", recording]), "--quiet", "--json", file,
+         *settings, *options],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
     began_s = now_s = time.perf_counter()
-    ready_s = happened_s = rest_s = math.nan
+    ready_s = happened_s = happened_at_s = rest_s = math.nan
     top_m_s, fast_s, ended_s, at = 0.0, math.inf, math.inf, (math.nan, math.nan)
     while now_s < ended_s + REST_S:
         time.sleep(0.02)
@@ -166,7 +176,7 @@ def run(
         top_m_s = max([top_m_s, *(abs(each[3]) for each in vehicles.seen.values())])
         fast_s = min(fast_s, now_s) if abs(v_m_s) > FAST_M_S else fast_s
         if happens is not None and now_s - fast_s > 10.0 and abs(v_m_s) > FAST_M_S:
-            at, happened_s = (x_m, y_m), now_s
+            at, happened_s, happened_at_s = (x_m, y_m), now_s, time.time()
             happens(process)
             happens = None
         if now_s > happened_s and abs(v_m_s) > MOVES_M_S:
@@ -174,8 +184,31 @@ def run(
     assert vehicles.processes.keys() <= vehicles.seen.keys(), "a vehicle told the witness no SIM_STATE"
     way_m = math.dist(at, vehicles.seen[1][:2])
     result = json.loads(file.read_text()) if file.exists() else {}
+    saw = Seen()
+    if result and not math.isnan(happened_at_s):
+        saw = seen(recording, result, 1, happened_at_s, vehicles.paths[1], example.promise["sample_age_s"])
     said = ("ac_share", "longest_stall_s", "longest_without_ac_s", "violations", "min_margin", "uncontrolled")
     print(f"\nready {ready_s:.1f} s, load {os.getloadavg()[0]:.1f}, exit {process.returncode}, top {top_m_s:.2f} m/s,",
-          f"last moved after {rest_s:.2f} s,",
-          f"way {way_m:.2f} m", {key: result.get(key) for key in said}, result.get("targets"), flush=True)  # fmt: skip
-    return Ended(process.returncode, result, top_m_s, way_m, ready_s)
+          f"seen after {saw.after_s:.2f} s, nobody's after {saw.nobodys_after_s:.2f} s, off by {saw.off_m:.2f} m,",
+          f"last moved after {rest_s:.2f} s, way {way_m:.2f} m",
+          {key: result.get(key) for key in said}, result.get("targets"), flush=True)  # fmt: skip
+    return Ended(process.returncode, result, top_m_s, way_m, ready_s, saw)
+
+
+def lost(ended: Ended, *, silent: bool = False, noise_m: float = 0.0) -> dict[str, Any]:
+    """Check that SOTER soon saw that robot 1 did not obey any more, and that no rule was broken.
+
+    Args:
+        ended: how the run ended.
+        silent: whether the robot fell silent: the age of its samples takes its AC from it, and it is nobody's only when
+            it has not been heard of for 3 s.
+        noise_m: what is seen later will do if its position was off by no more than this until then.
+
+    Returns:
+        What the result says of its time without control.
+    """
+    assert (ended.code, ended.result["violations"]) == (3, RULES)
+    after_s = ended.seen.after_s if silent else ended.seen.nobodys_after_s
+    assert after_s >= 0.0
+    assert after_s <= SEEN_S or ended.seen.off_m <= noise_m
+    return dict(ended.result["uncontrolled"]["1"])

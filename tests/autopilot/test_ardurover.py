@@ -20,7 +20,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.geometry.site import GeoOrigin
 from tests.autopilot.ardupilot import Autopilots
-from tests.autopilot.missions import CALIBRATED, READY_S, RULES, Example, drawn_on_a_map, run
+from tests.autopilot.events import commanded, killed, restarted, sent_elsewhere, stopped, without_gps
+from tests.autopilot.missions import CALIBRATED, READY_S, RULES, Example, drawn_on_a_map, lost, run
 
 PROGRAM: Final = os.environ.get("ARDUROVER", "")
 pytestmark = [
@@ -81,21 +82,16 @@ def test_two_rovers_in_a_field_that_is_drawn_on_a_map_break_no_rule(tmp_path: Pa
 def test_what_another_ground_station_takes_is_nobodys(
     rovers: Autopilots, tmp_path: Path, what: tuple[float, ...], says: str
 ) -> None:
-    ended = run(ROVER, rovers, tmp_path, 40.0, lambda _: rovers.command(1, int(what[0]), *what[1:]))
-    assert (ended.code, ended.result["violations"]) == (3, RULES)
-    assert says in ended.result["uncontrolled"]["1"]["cause"]
-    assert ended.result["uncontrolled"]["1"]["lasted_s"] > 15.0
+    ended = run(ROVER, rovers, tmp_path, 40.0, commanded(rovers, int(what[0]), *what[1:]))
+    found = lost(ended)
+    assert says in found["cause"]
+    assert found["lasted_s"] > 15.0
     assert says in ended.result["assumptions"]["2"]["A7"]["cause"]
 
 
 def test_a_rover_without_gps_is_stopped_before_its_own_fail_safe_acts(rovers: Autopilots, tmp_path: Path) -> None:
-    def switch_off(_process: object) -> None:
-        rovers.set(1, "SIM_GPS_DISABLE", 1.0)
-        rovers.set(1, "SIM_GPS1_ENABLE", 0.0)  # its name from 4.7 on
-
-    ended = run(ROVER, rovers, tmp_path, 40.0, switch_off)
-    assert (ended.code, ended.result["violations"]) == (3, RULES)
-    assert "its GPS has" in ended.result["uncontrolled"]["1"]["cause"]
+    ended = run(ROVER, rovers, tmp_path, 40.0, without_gps(rovers))
+    assert "its GPS has" in lost(ended, noise_m=ROVER.promise["position_noise_m"])["cause"]
     # A second and a little until it is seen, and the way to stop.
     assert ended.way_m < 3.0
 
@@ -103,15 +99,10 @@ def test_a_rover_without_gps_is_stopped_before_its_own_fail_safe_acts(rovers: Au
 def test_a_rover_that_another_ground_station_sends_elsewhere_is_nobodys_as_long_as_that_lasts(
     rovers: Autopilots, tmp_path: Path
 ) -> None:
-    def send(_process: object) -> None:
-        for _ in range(20):
-            rovers.send_to(1, 36.0, 36.0)
-            time.sleep(0.1)
-
-    ended = run(ROVER, rovers, tmp_path, 40.0, send)
-    assert (ended.code, ended.result["violations"]) == (3, RULES)
-    assert "another ground station" in ended.result["uncontrolled"]["1"]["cause"]
-    assert ended.result["uncontrolled"]["1"]["lasted_s"] < 6.0
+    # It begins with the first of the places that are sent.
+    found = lost(run(ROVER, rovers, tmp_path, 40.0, sent_elsewhere(rovers, 36.0, 36.0)))
+    assert "another ground station" in found["cause"]
+    assert found["lasted_s"] < 6.0
 
 
 @pytest.mark.parametrize(
@@ -137,41 +128,24 @@ def test_a_rover_whose_parameters_another_ground_station_sets_is_nobodys_as_long
 
 
 def test_a_rover_that_is_started_anew_is_made_ready_again(rovers: Autopilots, tmp_path: Path) -> None:
-    def restart(_process: object) -> None:
-        rovers.kill(1)
-        time.sleep(0.5)
-        rovers.start(1)
-
-    ended = run(ROVER, rovers, tmp_path, 90.0, restart)
-    assert (ended.code, ended.result["violations"]) == (3, RULES)
-    assert 30.0 < ended.result["uncontrolled"]["1"]["lasted_s"] < 70.0
+    found = lost(run(ROVER, rovers, tmp_path, 90.0, restarted(rovers)), silent=True)
+    assert 30.0 < found["lasted_s"] < 70.0
 
 
 def test_a_rover_that_another_ground_station_reboots_is_nobodys_until_it_is_made_ready_again(
     rovers: Autopilots, tmp_path: Path
 ) -> None:
-    forced = (1.0, 0.0, 0.0, 0.0, 0.0, 20190226.0)
-    reboot = mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
-    ended = run(ROVER, rovers, tmp_path, 90.0, lambda _: rovers.command(1, reboot, *forced))
-    assert (ended.code, ended.result["violations"]) == (3, RULES)
-    assert ended.result["uncontrolled"]["1"]["lasted_s"] < 70.0
+    # It begins with the command, though the rover falls silent a little later.
+    reboot = commanded(rovers, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0, 0.0, 0.0, 0.0, 0.0, 20190226.0)
+    assert lost(run(ROVER, rovers, tmp_path, 90.0, reboot), silent=True)["lasted_s"] < 70.0
 
 
 def test_a_rover_that_stands_still_for_three_seconds_is_made_ready_again(rovers: Autopilots, tmp_path: Path) -> None:
-    def pause(_process: object) -> None:
-        rovers.processes[1].send_signal(signal.SIGSTOP)
-        time.sleep(3.0)
-        rovers.processes[1].send_signal(signal.SIGCONT)
-
-    ended = run(ROVER, rovers, tmp_path, 60.0, pause)
-    assert (ended.code, ended.result["violations"]) == (3, RULES)
-    assert ended.result["uncontrolled"]["1"]["lasted_s"] < 10.0
+    assert lost(run(ROVER, rovers, tmp_path, 60.0, stopped(rovers, 3.0)), silent=True)["lasted_s"] < 10.0
 
 
 def test_a_rover_that_is_killed_is_missed(rovers: Autopilots, tmp_path: Path) -> None:
-    ended = run(ROVER, rovers, tmp_path, 40.0, lambda _: rovers.kill(1))
-    assert (ended.code, ended.result["violations"]) == (3, RULES)
-    assert "not been heard of" in ended.result["uncontrolled"]["1"]["cause"]
+    assert "not been heard of" in lost(run(ROVER, rovers, tmp_path, 40.0, killed(rovers)), silent=True)["cause"]
 
 
 def test_rovers_stop_by_themselves_when_soter_is_killed(rovers: Autopilots, tmp_path: Path) -> None:
