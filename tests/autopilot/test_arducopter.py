@@ -1,4 +1,7 @@
-"""Copters with a real ArduCopter, in its own simulator: `make test-autopilot ARDUCOPTER=/path/to/arducopter`."""
+"""Copters with a real ArduCopter, in its own simulator: `make test-autopilot ARDUCOPTER=/path/to/arducopter`.
+
+No copter is disarmed or rebooted here, as rovers are: it would fall.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.autopilot.ardupilot import Autopilots
-from tests.autopilot.missions import CALIBRATED, READY_S, RULES, Example, run
+from tests.autopilot.events import commanded, killed, sent_elsewhere, stopped, without_gps
+from tests.autopilot.missions import CALIBRATED, READY_S, RULES, Example, lost, run
 
 PROGRAM: Final = os.environ.get("ARDUCOPTER", "")
 pytestmark = [
@@ -65,11 +69,40 @@ def test_copters_keep_their_top_speed_while_soter_is_held_up(copters: Autopilots
     assert ended.top_m_s <= COPTER.promise["v_max_m_s"]
 
 
-def test_a_copter_that_another_ground_station_takes_is_nobodys(copters: Autopilots, tmp_path: Path) -> None:
-    brake = 17.0
-    ended = run(COPTER, copters, tmp_path, 40.0, lambda _: copters.command(1, mav.MAV_CMD_DO_SET_MODE, 1.0, brake))
-    assert (ended.code, ended.result["violations"]) == (3, RULES)
-    assert "it is in the mode BRAKE, not GUIDED" in ended.result["uncontrolled"]["1"]["cause"]
+@pytest.mark.parametrize(
+    ("mode", "name"), [(17.0, "BRAKE"), (9.0, "LAND"), (5.0, "LOITER")], ids=["brake", "land", "loiter"]
+)
+def test_a_copter_that_another_ground_station_takes_is_nobodys(
+    copters: Autopilots, tmp_path: Path, mode: float, name: str
+) -> None:
+    ended = run(COPTER, copters, tmp_path, 40.0, commanded(copters, mav.MAV_CMD_DO_SET_MODE, 1.0, mode))
+    found = lost(ended)
+    assert f"it is in the mode {name}, not GUIDED" in found["cause"]
+    assert found["lasted_s"] > 15.0
+    assert f"it is in the mode {name}, not GUIDED" in ended.result["assumptions"]["2"]["A7"]["cause"]
+
+
+def test_a_copter_without_gps_is_stopped_before_its_own_fail_safe_acts(copters: Autopilots, tmp_path: Path) -> None:
+    ended = run(COPTER, copters, tmp_path, 40.0, without_gps(copters))
+    assert "its GPS has" in lost(ended, noise_m=COPTER.promise["position_noise_m"])["cause"]
+
+
+def test_a_copter_that_another_ground_station_sends_elsewhere_is_nobodys_as_long_as_that_lasts(
+    copters: Autopilots, tmp_path: Path
+) -> None:
+    # Back to where it began, by a way that is free.
+    found = lost(run(COPTER, copters, tmp_path, 40.0, sent_elsewhere(copters, 16.0, 16.0, 5.0)))
+    assert "another ground station" in found["cause"]
+    assert found["lasted_s"] < 6.0
+
+
+def test_a_copter_that_stands_still_for_three_seconds_is_made_ready_again(copters: Autopilots, tmp_path: Path) -> None:
+    # Its simulator stands still as well.
+    assert lost(run(COPTER, copters, tmp_path, 60.0, stopped(copters, 3.0)), silent=True)["lasted_s"] < 10.0
+
+
+def test_a_copter_that_is_killed_is_missed(copters: Autopilots, tmp_path: Path) -> None:
+    assert "not been heard of" in lost(run(COPTER, copters, tmp_path, 40.0, killed(copters)), silent=True)["cause"]
 
 
 def test_copters_stop_by_themselves_when_soter_is_killed(copters: Autopilots, tmp_path: Path) -> None:
