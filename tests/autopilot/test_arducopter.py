@@ -91,9 +91,12 @@ def test_a_copter_that_another_ground_station_sends_elsewhere_is_nobodys_as_long
     copters: Autopilots, tmp_path: Path
 ) -> None:
     # Back to where it began, by a way that is free.
-    found = lost(run(COPTER, copters, tmp_path, 40.0, sent_elsewhere(copters, 16.0, 16.0, 5.0)))
+    ended = run(COPTER, copters, tmp_path, 40.0, sent_elsewhere(copters, 16.0, 16.0, 5.0))
+    found = lost(ended)
     assert "another ground station" in found["cause"]
     assert found["lasted_s"] < 6.0
+    # It comes to rest before it is sent places again.
+    assert ended.top_m_s <= COPTER.promise["v_max_m_s"]
 
 
 def test_a_copter_that_stands_still_for_three_seconds_is_made_ready_again(copters: Autopilots, tmp_path: Path) -> None:

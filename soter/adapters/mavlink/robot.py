@@ -177,6 +177,8 @@ class MavlinkRobot(Robot):
             raise Uncontrolled(self._refusal or f"it is made ready again, and lacks {self._preparation.why_not()}")
         obedience = self._obedience
         if trouble := obedience.astray or obedience.disobeys:
+            # Until now another may have driven it: only from here on an ArduCopter comes to rest before it gets places.
+            self._halted_s = None
             self._stand(None)
             raise Uncontrolled(trouble)
         self._renewed_s = self.clock.now()

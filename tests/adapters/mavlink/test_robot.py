@@ -305,6 +305,20 @@ def test_an_arducopter_that_was_stopped_by_a_velocity_gets_no_place_while_it_bra
     assert masks(puppet) == [STANDS] * stood + [GOES] * (40 - stood)
 
 
+def test_an_arducopter_that_others_had_gets_no_place_while_it_brakes(puppet: Puppet) -> None:
+    robot = flying(puppet, promise={"v_max_m_s": 1.0, "brake_m_s2": 1.0})
+    robot.goto(FAR, SC)
+    puppet.mode = 5
+    tick(puppet, robot, 60)
+    puppet.mode = 4
+    puppet.sent.clear()
+    tick(puppet, robot, 40)
+    # However long they had it: they may have driven it until now.
+    stood = masks(puppet).count(STANDS)
+    assert stood in (19, 20, 21)
+    assert masks(puppet) == [STANDS] * stood + [GOES] * (40 - stood)
+
+
 def test_an_arducopter_is_sent_its_speed_limit_after_the_place_and_again_after_a_velocity(puppet: Puppet) -> None:
     robot = flying(puppet)
     robot.goto(FAR, SC)
