@@ -141,8 +141,8 @@ JUDGED = {"SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0, "ATC_DECEL_MAX": 0.0,
     ("name", "value", "says"),
     [
         ("WP_PIVOT_ANGLE", 0.0, "its WP_PIVOT_ANGLE is 0: it does not turn in place"),
-        ("ATC_ACCEL_MAX", 0.5, "its ATC_ACCEL_MAX is 0.5, and promise.brake_m_s2 is 1;"),
-        ("ATC_DECEL_MAX", 0.1, "its ATC_DECEL_MAX is 0.1, and promise.brake_m_s2 is 1;"),
+        ("ATC_ACCEL_MAX", 0.5, "its ATC_ACCEL_MAX is 0.5, which is 0.5 m/s2, and promise.brake_m_s2 is 1;"),
+        ("ATC_DECEL_MAX", 0.1, "its ATC_DECEL_MAX is 0.1, which is 0.1 m/s2, and promise.brake_m_s2 is 1;"),
     ],
 )
 def test_one_whose_parameters_somebody_sets_so_that_it_cannot_keep_its_promise_is_nobodys_until_they_allow_it(
