@@ -28,8 +28,9 @@ _LOOKS: Final = 4
 """Least number of looks in a silence: if supervisor and mission were both suspended, as with their container, the
 mission has not been silent."""
 
-_CLOSED_TICKS: Final = 3
-"""Ticks to wait for the exit code of a process whose socket has closed: the socket closes a bit earlier."""
+_CLOSED_TICKS: Final = 10
+"""Ticks to wait for the exit code of a process whose socket has closed: the socket closes earlier, and on a busy host a
+process that has crashed takes a while to end."""
 
 Ports = Mapping[int, Port[Waypoint, RobotState]]
 
