@@ -28,9 +28,9 @@ _LOOKS: Final = 4
 """Least number of looks in a silence: if supervisor and mission were both suspended, as with their container, the
 mission has not been silent."""
 
-_CLOSED_TICKS: Final = 10
-"""Ticks to wait for the exit code of a process whose socket has closed: the socket closes earlier, and on a busy host a
-process that has crashed takes a while to end."""
+_CLOSED_CALLS: Final = 20
+"""Calls, of which a tick makes two, to wait for the exit code of a process whose socket has closed: the socket closes
+earlier, and on a busy host a process that has crashed takes a while to end."""
 
 Ports = Mapping[int, Port[Waypoint, RobotState]]
 
@@ -64,7 +64,7 @@ class SupervisorEnd:
         self._looked_steady_s = 0.0
         self._waited_s = 0.0
         self._handler = ""
-        self._closed_ticks = 0
+        self._closed_calls = 0
 
     # --- before the first tick ---------------------------------------------------------------------------------
 
@@ -179,11 +179,11 @@ class SupervisorEnd:
             return False
 
     def _closed(self) -> None:
-        self._closed_ticks += 1
+        self._closed_calls += 1
         ended = self._child.how_it_ended()
         if ended is not None:
             self.fail(f"its process has ended with {ended}")
-        elif self._closed_ticks > _CLOSED_TICKS:
+        elif self._closed_calls > _CLOSED_CALLS:
             self.fail("its process has closed the link")
 
     def _check(self, turn: messages.Turn) -> None:
