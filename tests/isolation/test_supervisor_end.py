@@ -177,10 +177,10 @@ def test_a_link_that_a_living_process_closes_is_a_failure() -> None:
     for _ in range(9):
         rig.tick()
     # One that has crashed is given half a second until its end is known.
-    assert not rig.end.failure
+    assert not failure(rig)
     for _ in range(2):
         rig.tick()
-    assert rig.end.failure == "its process has closed the link"
+    assert failure(rig) == "its process has closed the link"
     assert rig.child.killed
 
 
