@@ -113,11 +113,11 @@ def mission_bench(path: Path | str, name: str, robots: int | None = None, patien
 
 def _with_enough(make: Callable[[int], ModuleBench], robots: int | None, most: int) -> ModuleBench:
     """Return a bench with so many robots; None for as many as the module's rule is about, up to a number."""
-    bench = make(robots or 1)
-    if bench.robots > 1 or not bench.module.of_pairs:
+    bench = make(robots or most)
+    if not bench.module.of_pairs:
+        return make(1) if robots is None and most > 1 else bench
+    if bench.robots > 1:
         return bench
-    if robots is None:
-        return make(most)
     raise ConfigError(f"robots is 1, but the rule of '{bench.name}' is about pairs of robots; allowed: 2 or more")
 
 

@@ -284,7 +284,15 @@ def widened(
         if fault.options.declared:
             with blaming(index):
                 dropped, held = agreed(fault.spacing(), Spacing)
-                capabilities = agreed(fault.widened(capabilities), Capabilities)
+                if min(dropped, held) < 0:
+                    raise ValueError(f"its spacing is {dropped} and {held}, allowed: 0 or more")
+                wider = agreed(fault.widened(capabilities), Capabilities)
+                if (name := capabilities.widened_beyond(wider)) is not None:
+                    better, before = getattr(wider, name), getattr(capabilities, name)
+                    raise ValueError(
+                        f"it makes {name} better, {better} in place of {before}; a fault can only widen it"
+                    )
+                capabilities = wider
                 further_s = dropped * (apart - 1) * fault.context.tick_s
                 capabilities = replace(capabilities, sample_age_s=capabilities.sample_age_s + further_s)
                 apart = (dropped + 1) * apart + held

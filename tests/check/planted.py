@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from pydantic import BaseModel, model_validator
 
+from soter.campaign.random.attackers import FarOptions, declare_far
 from soter.rta import Node, PairBound, Region, RTAModule, Situation, SpeedBound, Topic
 from soter.sdk import Waypoint
 from soter.stack.module_kit import ModuleKit
@@ -289,3 +290,10 @@ class Apart(Region):
 def alone(kit: ModuleKit) -> RTAModule:
     """A rule about pairs under a model of one robot."""
     return replace(right(kit), phi_safe=Apart(), phi_safer=Apart(1.0))
+
+
+def of_two(kit: ModuleKit) -> RTAModule:
+    """A rule about pairs, of an author who has not thought of one robot."""
+    if len(kit.workspace.robots) < 2:
+        raise ValueError("it takes two")
+    return declare_far(kit, FarOptions(far_m=1.0, spare_m=0.6))

@@ -235,6 +235,7 @@ def test_a_rule_about_pairs_is_never_tried_with_one_robot() -> None:
     pairs = partial(floor_bench, "soter.campaign.random.attackers:declare_far", {"far_m": 1.0, "spare_m": 0.6})
     assert pairs().robots == 2
     assert pairs(robots=3).robots == 3
+    assert floor_bench("tests.check.planted:of_two").robots == 2
     assert floor_bench("tests.check.planted:right").robots == 1
     with pytest.raises(ConfigError, match=r"robots is 1, but the rule of 'module' is about pairs .* 2 or more"):
         pairs(robots=1)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any, cast
@@ -230,3 +231,22 @@ def test_faults_that_nobody_could_promise_are_named(option: dict[str, float], ke
     delayed = load_mission(ROOT / "examples" / "surveillance.toml", asked)
     with pytest.raises(ConfigError, match=rf"fault\.0\.kind: it is 'delay', which failed: .*{key}"):
         promises_of(delayed, delayed.read_workspace())
+
+
+@pytest.mark.parametrize(
+    ("method", "answer", "says"),
+    [
+        ("widened", lambda _, caps: replace(caps, latency_s=0.0), "it makes latency_s better, 0.0 in place of 0.05"),
+        ("widened", lambda _, caps: replace(caps, v_max_m_s=0.1), "it makes v_max_m_s better, 0.1 in place of 0.22"),
+        ("spacing", lambda _: Spacing(-1, 0), "its spacing is -1 and 0, allowed: 0 or more"),
+        ("spacing", lambda _: Spacing(0, -3), "its spacing is 0 and -3"),
+    ],
+)
+def test_a_kind_that_makes_a_promise_better_is_refused(
+    monkeypatch: pytest.MonkeyPatch, method: str, answer: Callable[..., Any], says: str
+) -> None:
+    monkeypatch.setattr(Hum, method, answer)
+    asked = {"backend": "kinematic", "fault": [{"kind": "tests.faults.test_tables:Hum"}]}
+    mission = load_mission(ROOT / "examples" / "surveillance.toml", asked)
+    with pytest.raises(ConfigError, match=rf"fault\.0\.kind: .* failed: ValueError: {says}"):
+        promises_of(mission, mission.read_workspace())
