@@ -18,7 +18,7 @@ from soter.geometry.workspace import Workspace
 from soter.rta import Port, Region, Topic
 from soter.rta.module import looks_at_peers, margin_of, no_answer
 from soter.sdk import Backend, BackendConfig, Capabilities
-from soter.specs import asked, promises
+from soter.specs import asked
 from soter.stack.actuator import PortForwarder
 from soter.stack.declaration import Declared, declare, terrains_of
 from soter.stack.infrastructure import standing
@@ -123,6 +123,11 @@ class Admission:
         predicates = [each for each in self.findings if (each.condition, each.verdict) == ("P3", Certainty.ASSUMED)]
         return [*predicates, *(each for each in self.proofs if each.verdict is not Certainty.PROVED)]
 
+    def untried(self, names: Sequence[str]) -> list[str]:
+        """Return which of these modules have no finding about P2, so that only trials can tell."""
+        told = {each.module for each in (*self.findings, *self.proofs) if each.condition == "P2a"}
+        return [name for name in names if name not in told]
+
 
 def admit(mission: MissionFile, workspace: Workspace, capabilities: Mapping[int, Capabilities]) -> Admission:
     """Return what is known about the modules of a mission on robots with these promises."""
@@ -142,55 +147,13 @@ def admit_declared(
     if any(each.verdict is Certainty.REJECTED for each in findings):
         return Admission(findings)
     try:
-        _check(mission, declared)
+        check_all(mission, declared)
     except IllFormedModule as failure:
         return Admission([*findings, rejection(failure)])
     return Admission([*findings, *_contracts(mission, declared)], prove(mission, declared, capabilities))
 
 
-def admitted(
-    mission: MissionFile,
-    workspace: Workspace,
-    backend: type[Backend],
-    config: BackendConfig,
-    *,
-    ill_formed: bool,
-    unproved: bool,
-) -> tuple[str, ...]:
-    """Refuse a mission that may not be run; return the conditions that are not proved if it may.
-
-    The backend is not opened. `ill_formed` admits modules that are not well-formed, for studies, and `unproved` those
-    with conditions that are not proved.
-
-    Raises:
-        IllFormedModule: a module is not well-formed on robots with these promises.
-        ConfigError: a condition is not proved.
-    """
-    try:
-        promised = promises(backend, config, mission, workspace)
-        declared = declare_all(mission, workspace, promised)
-        _check(mission, declared)
-    except IllFormedModule as failure:
-        if ill_formed:
-            return ()
-        raise refused_at(failure, mission, workspace, backend, config) from failure
-    admission = admit_declared(mission, declared, promised)
-    if admission.unproved and not unproved:
-        first, more = admission.unproved[0], len(admission.unproved) - 1
-        table = "rta.module" if first.module in mission.rta.module else "rta"
-        raise mission.refusal(
-            f"{table}.{first.module}",
-            f"{first.condition} of module '{first.module}' is {first.verdict.value}: {first.text}"
-            f"{f' (and {more} more: `soter check` lists them)' if more else ''}; "
-            "--accept-unproved, or accept_unproved=True in Python, runs it all the same",
-        )
-    return tuple(
-        f"{each.condition} of module '{each.module}' is {each.verdict.value}: {each.text}"
-        for each in admission.unproved
-    )
-
-
-def _check(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
+def check_all(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
     """Check all modules, that rules hold where robots start (A13), and users' rules where all robots charge (P2b)."""
     places = [each.place for each in declared.values()]
     starts = {place.id: (place.x_m, place.y_m, place.heading_rad) for place in places}

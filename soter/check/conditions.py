@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import Enum
 
@@ -46,6 +46,16 @@ class Finding:
     def as_dict(self) -> dict[str, object]:
         """Return the finding as a dict for JSON."""
         return {**asdict(self), "verdict": self.verdict.value}
+
+    def is_gap(self, own: Container[str]) -> bool:
+        """Return whether a mission with it is run on request only: a proof has a gap, or P2 or P3 is but a word.
+
+        `own` has the names of the modules of the user's own. That robots like a mission's could not try the shipped
+        collision module is no gap.
+        """
+        if self.verdict is Certainty.ASSUMED:
+            return self.module in own and self.condition in ("P2a", "P2b", "P3")
+        return self.verdict is Certainty.PARTLY
 
 
 def rejection(failure: IllFormedModule) -> Finding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import TYPE_CHECKING, Final, Self
 
 from rich import box
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 LINE_EVERY_S: Final = 10.0
 """Host time between two lines if the display cannot be live."""
+
+UNTRIED: Final = "--accept-unproved does without"
 
 SURE_S: Final = 2.0
 """Host time after which the remaining time is shown."""
@@ -89,13 +92,19 @@ class LineDisplay:
     def __init__(self, console: Console, name: str) -> None:
         self._console: Final = console
         self._name: Final = name
-        self._next_s = 0.0
+        self._next_s = self._next_try_s = 0.0
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         pass
+
+    def trying(self, text: str) -> None:
+        """Print what is tried before the run, if a line is due."""
+        if time.monotonic() >= self._next_try_s:
+            self._next_try_s = time.monotonic() + LINE_EVERY_S
+            self._console.print(f"{text}; {UNTRIED}", soft_wrap=True)
 
     def update(self, progress: Progress) -> None:
         """Print a line if one is due."""
@@ -137,6 +146,10 @@ class LiveDisplay:
 
     def __exit__(self, *_: object) -> None:
         self._live.stop()
+
+    def trying(self, text: str) -> None:
+        """Show what is tried before the run."""
+        self._live.update(Text(f"{text}; {UNTRIED}", "dim"), refresh=True)
 
     def update(self, progress: Progress) -> None:
         """Draw anew."""

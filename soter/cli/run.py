@@ -199,6 +199,7 @@ def run(
                     stop=stop,
                     pace=held,
                     connecting=stop.raising,
+                    trying=display.trying if display else None,
                     say=lambda words: console.print(words, soft_wrap=True, highlight=False),
                     recording=views.begin,
                 )

@@ -75,8 +75,9 @@ class Follower:
         stop: called at every tick; returns whether to end the run early, as Ctrl-C does.
         pace: called after every tick with the fleet time that has passed; the next tick waits until it returns. For
             virtual time: a wall clock has a pace of its own.
-        connecting: returns a context manager that is entered while `stop` is not called, for robots on a wire: while
-            modules are proved, and while robots and the mission's process get ready. An exception ends the run.
+        connecting: returns a context manager that is entered while `stop` is not called: while modules are proved and
+            tried, and, for robots on a wire, while they and the mission's process get ready. An exception ends the run.
+        trying: called before robots are opened with what is tried, in words; trials of users' modules take seconds.
         say: called with which other processes of a distributed mission are missing.
         recording: called before the first tick with the recording's file, once it has the mission in it.
         falls_of: the rule whose least margin is followed, see `soter.runner.Run`; empty for none.
@@ -87,6 +88,7 @@ class Follower:
     stop: Callable[[], bool] = lambda: False
     pace: Callable[[float], None] | None = None
     connecting: Callable[[], AbstractContextManager[object]] | None = None
+    trying: Callable[[str], None] | None = None
     say: Callable[[str], None] = logger.warning
     recording: Callable[[Path], None] | None = None
     falls_of: str = ""

@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from soter.check.admission import admitted, refused_at
+from soter.check.admission import refused_at
+from soter.check.mission import admitted
 from soter.clock import VehicleClock
 from soter.config import MissionFile
 from soter.errors import ConfigError, IllFormedModule
@@ -85,11 +86,11 @@ def run_mission(
         specs = [spec for spec in specs if spec.id in part.robots]
     declared = backend_class.robot_class.declared
     unasked = nullcontext if declared.in_process or follower.connecting is None else follower.connecting
-    # Proofs take seconds in a large world. Studies ask about modules that are not proved.
-    with unasked():
+    # Proofs take seconds in a large world, trials many. Studies ask about modules that are not proved.
+    with (follower.connecting or nullcontext)():
         unproved = admitted(
             mission, workspace, backend_class, config, ill_formed=study is not None and study.on_ill_formed is not None,
-            unproved=accept_unproved or study is not None,
+            unproved=accept_unproved or study is not None, on_progress=follower.trying,
         )  # fmt: skip
     with ExitStack() as stack:
         if study is not None and not declared.in_process:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
@@ -14,7 +15,7 @@ from soter.geometry.workspace import Box, RobotPlace, grown
 from soter.rta import Region, Sample, Situation
 from soter.sdk import Link, RobotState
 from soter.stack.site_routes import Rectangle
-from soter.stack.terrain import Point, Terrain
+from soter.stack.terrain import Edges, Point, Terrain
 
 _FAR_M: Final = 10.0
 _CLOSE_ENOUGH_M: Final = 0.005
@@ -149,11 +150,11 @@ def forbidden(region: Region, place: RobotPlace, terrain: Terrain, beside_m: flo
     itself would be in a rectangle, none are returned, since no path could avoid it. Progress rests on this, safety does
     not; `broken_on` finds what is left.
     """
-    low_x, low_y, high_x, high_y = terrain.bounds
-    step_m = max(high_x - low_x, high_y - low_y) / _CELLS
-    xs = np.arange(low_x, high_x + step_m, step_m)
-    ys = np.arange(low_y, high_y + step_m, step_m)
-    broken = np.array([[not _margin(region, place.id, float(x), float(y)) >= 0.0 for x in xs] for y in ys])
+    xs, ys, step_m = _grid(terrain.bounds)
+    try:
+        broken = _broken(region, place.id, terrain.bounds)
+    except TypeError:  # a region that has no hash
+        broken = _broken.__wrapped__(region, place.id, terrain.bounds)
     rows = np.flatnonzero(broken.any(axis=1))
     strips = np.array_split(rows, min(_STRIPS, len(rows))) if len(rows) else []
     found = [
@@ -163,6 +164,19 @@ def forbidden(region: Region, place: RobotPlace, terrain: Terrain, beside_m: flo
     ]
     x_m, y_m = place.charger.centre
     return [] if any(box[0] <= x_m <= box[2] and box[1] <= y_m <= box[3] for box in found) else found
+
+
+def _grid(bounds: Edges) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], float]:
+    low_x, low_y, high_x, high_y = bounds
+    step_m = max(high_x - low_x, high_y - low_y) / _CELLS
+    return np.arange(low_x, high_x + step_m, step_m), np.arange(low_y, high_y + step_m, step_m), step_m
+
+
+@lru_cache(maxsize=16)  # trials declare the same regions hundreds of times
+def _broken(region: Region, robot_id: int, bounds: Edges) -> npt.NDArray[np.bool_]:
+    """Return where the rule does not hold, on a grid all over the room."""
+    xs, ys, _ = _grid(bounds)
+    return np.array([[not _margin(region, robot_id, float(x), float(y)) >= 0.0 for x in xs] for y in ys])
 
 
 def _runs(row: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -11,7 +11,6 @@ import pytest
 from typer.testing import CliRunner
 
 from soter.adapters.pybullet import KinematicBackend
-from soter.check import admission
 from soter.check.admission import Admission, admit, declare_all
 from soter.check.conditions import Certainty, Finding
 from soter.cli import app
@@ -46,7 +45,7 @@ def promised(loaded: MissionFile) -> dict[int, Capabilities]:
 @pytest.fixture
 def gap(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every mission is well-formed, and has a gap in one proof."""
-    monkeypatch.setattr(admission, "admit_declared", lambda *_: Admission([], [GAP]))
+    monkeypatch.setattr("soter.check.mission.admit_declared", lambda *_: Admission([], [GAP]))
 
 
 @pytest.mark.parametrize("example", ["surveillance", "warehouse", "thesis", "modules/zone"])
@@ -58,7 +57,9 @@ def test_what_is_admitted_is_run_and_the_rest_is_refused_with_the_same_words(exa
     admitted = admit(loaded, loaded.read_workspace(), promised(loaded))
     assert admitted.refused is (admitted.ill_formed is not None)
     if admitted.ill_formed is None:
-        assert run_mission(loaded).result.status == "completed"
+        # Trials of the zone would take longer than all the rest.
+        done = run_mission(loaded, accept_unproved=example == "modules/zone")
+        assert done.result.status == "completed"
         return
     with pytest.raises(IllFormedModule, match=re.escape(admitted.ill_formed.text)):
         run_mission(loaded)
@@ -176,9 +177,10 @@ def test_a_module_of_predicates_is_run_only_if_what_its_author_claims_is_accepte
     with pytest.raises(ConfigError, match=r"rta\.module\.own: P3 of module 'own' is ASSUMED: given by predicates"):
         run_mission(mission(backend=f"{__name__}:NeverOpened", **own))
     accepted = run_mission(mission(duration_s=1.0, **own), accept_unproved=True).result.accepted_unproved
-    # Of ways home through its rule nobody knows anything either.
+    # Of ways home through its rule nobody knows anything either; and what is accepted is not tried.
     assert [each.partition(":")[0] for each in accepted] == [
         "P3 of module 'own' is ASSUMED", "P2c of module 'own' is PARTLY",
+        "P2a of module 'own' is ASSUMED", "P2b of module 'own' is ASSUMED",
     ]  # fmt: skip
 
 

@@ -78,7 +78,7 @@ def test_a_declaration_that_cannot_hold_is_rejected_without_a_trial(name: str, c
 def test_a_right_module_is_not_rejected(name: str) -> None:
     report = check_module(bench(name), 60, 3)
     assert not report.rejected
-    assert report.complete
+    assert report.complete is (name == "right"), "of predicates P3 is its author's word"
     assert verdicts([*report.findings])["P2a"] is verdicts([*report.findings])["P2b"] is Certainty.TESTED
     assert not report.counterexamples
 

@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 
 from soter.adapters.pybullet import KinematicBackend
-from soter.check.admission import admitted, declare_all, refused_at
+from soter.check.admission import declare_all, refused_at
 from soter.check.conditions import Certainty, conditions
+from soter.check.mission import admitted
 from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.geometry.workspace import Box, RobotPlace, Workspace

@@ -91,15 +91,17 @@ ROW = """<configuration>
 """
 
 
-def both(tmp_path: Path, *settings: str, file: Path | str = ROOM) -> list[tuple[int, str]]:
-    """Return exit code and output of `soter check` and of `soter run`, recorded, with these settings."""
+def both(tmp_path: Path, *settings: str, file: Path | str = ROOM, tried: bool = True) -> list[tuple[int, str]]:
+    """Return exit code and output of `soter check` and of `soter run`, recorded, with these settings.
+
+    `tried` False has modules run without trials.
+    """
     words = [str(file), "--backend", "kinematic"]
     for each in settings if any("planner=" in each for each in settings) else ("planner=straight-line", *settings):
         words += ["--set", each]
     said = []
-    for command, more in (
-        ("check", ("--budget", "2")), ("run", ("--duration", "1", "--record", str(tmp_path / "run.mcap")))
-    ):  # fmt: skip
+    recorded = ("--duration", "1", "--record", str(tmp_path / "run.mcap"), *([] if tried else ["--accept-unproved"]))
+    for command, more in (("check", ("--budget", "2")), ("run", recorded)):
         done = CliRunner().invoke(app, [command, *words, *more])
         said.append((done.exit_code, done.output))
     return said
@@ -121,7 +123,7 @@ def declared(name: str) -> str:
 
 @pytest.mark.parametrize("numbers", ["numpy_edge", "numpy_numbers", "fractions"])
 def test_numbers_of_other_classes_in_a_declaration_are_numbers(numbers: str, mission: Path, tmp_path: Path) -> None:
-    said = both(tmp_path, declared(numbers), file=mission)
+    said = both(tmp_path, declared(numbers), "robots=1", file=mission, tried=False)
     assert [code for code, _ in said] == [0, 0], said
 
 
@@ -132,16 +134,49 @@ def test_a_premise_that_says_another_name_is_a_finding_all_the_same(mission: Pat
     assert "module 'west' is ill-formed (P2a): it needs a wider room" in refusal
 
 
-def test_a_module_that_fewer_robots_cannot_have_is_not_tried_and_no_fault(mission: Path, tmp_path: Path) -> None:
+def test_a_module_that_fewer_robots_cannot_have_is_a_gap_and_no_fault(mission: Path, tmp_path: Path) -> None:
     xs = [1.0 + 2.0 * number for number in range(5)]
     robots = "".join(f'<robot id="{i}"><start x="{x}" y="1.5" z="0"/></robot>' for i, x in enumerate(xs, start=1))
     stations = "".join(f'<box><low x="{x - 0.2}" y="1.3" z="0"/><high x="{x + 0.2}" y="1.7" z="0"/></box>' for x in xs)
     (tmp_path / "row.xml").write_text(ROW.format(robots=robots, stations=stations))
     mission.write_text('workspace = "row.xml"\ntargets = "uniform"\n')
-    (checked, findings), (ran, _) = both(tmp_path, declared("of_five"), file=mission)
-    assert (checked, ran) == (0, 0)
-    assert "not tested: with 4 of 5 robots" in findings
-    assert "fault of" not in findings
+    (checked, findings), (ran, refusal) = both(tmp_path, declared("of_five"), file=mission)
+    assert (checked, ran) == (1, 2)
+    for said in (findings, refusal):
+        assert "not tested: with 4 of 5 robots" in said
+        assert "fault of" not in said
+    (_, (accepted, output)) = both(tmp_path, declared("of_five"), file=mission, tried=False)
+    assert accepted == 0
+    assert "P2a of module 'west' is ASSUMED: it was not tried" in " ".join(output.split())
+
+
+PLANTED = "tests.check.planted"
+
+
+@pytest.mark.parametrize(
+    ("module", "text"),
+    [
+        ("right", ""),
+        ("sc_speeds", r"P2a of module 'east' is REJECTED: one robot, .* left phi_safe by 0\.\d+ m"),
+    ],
+)
+def test_a_module_that_trials_break_is_refused_as_it_is_rejected(
+    module: str, text: str, mission: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is proved of a user's module: what stands for it is tried before a robot is opened, as by `check`."""
+    (tmp_path / "floor.toml").write_text(
+        "[[station]]\nx_m = 3.0\ny_m = 3.0\nside_m = 0.4\n[fence]\npolygon = [[0, 0], [6, 0], [6, 6], [0, 6]]\n"
+    )
+    mission.write_text(
+        f'workspace = "floor.toml"\ntargets = "uniform"\nrta.modules = []\n[rta.module.east]\ndeclare = "{PLANTED}:{module}"'
+    )
+    monkeypatch.setattr("soter.check.mission.BUDGET", 40)
+    words = [str(mission), "--backend", "kinematic", "--set", "planner=straight-line"]
+    checked = CliRunner().invoke(app, ["check", *words, "--budget", "40"])
+    ran = CliRunner().invoke(app, ["run", *words, "--duration", "1", "--no-record"])
+    assert (checked.exit_code, ran.exit_code) == ((1, 2) if text else (0, 0)), (checked.output, ran.output)
+    assert re.search(text, " ".join(ran.output.split())), ran.output
+    assert not text or "rta.module.east: " in ran.output
 
 
 def test_a_number_of_a_ready_made_declaration_that_no_float_holds_is_refused(mission: Path, tmp_path: Path) -> None:

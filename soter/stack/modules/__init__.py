@@ -44,6 +44,8 @@ def target_of(name: str) -> str:
     """Return the `package.module:function` that a name is registered for; the name itself if it is not registered."""
     if name in BUILT_IN:
         return BUILT_IN[name]
+    if ":" in name:  # as most of users' are; to look through all installed packages takes much longer
+        return name
     found = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=name)), None)
     return name if found is None else found.value
 
