@@ -104,11 +104,18 @@ def test_the_examples_become_less_restrictive(example: str) -> None:
     assert tuning.found["battery"].settings == tuning.today["battery"].settings
 
 
-def test_the_shipped_numbers_are_the_least_for_all_shipped_backends_rounded_up() -> None:
+@pytest.mark.parametrize(
+    ("example", "backends"),
+    [
+        ("surveillance", ["pybullet", "kinematic", "mavlink", "mavsdk", "ros2", "zenoh"]),
+        ("unlike-fleet", ["pybullet", "kinematic"]),
+    ],
+)
+def test_the_shipped_numbers_are_the_least_for_all_their_backends_rounded_up(example: str, backends: list[str]) -> None:
     most: dict[str, float] = {}
-    shipped = load_mission(EXAMPLES / "surveillance.toml").rta
-    for name in ("pybullet", "kinematic", "mavlink", "mavsdk", "ros2", "zenoh"):
-        tuning = tune(load_mission(EXAMPLES / "surveillance.toml", {"backend": name}))
+    shipped = load_mission(EXAMPLES / f"{example}.toml").rta
+    for name in backends:
+        tuning = tune(load_mission(EXAMPLES / f"{example}.toml", {"backend": name}))
         for module, found in tuning.found.items():
             today = tuning.today[module]
             assert (today.why_not, today.delta_s) == ("", found.delta_s), name

@@ -168,7 +168,8 @@ def test_a_module_that_trials_break_is_refused_as_it_is_rejected(
         "[[station]]\nx_m = 3.0\ny_m = 3.0\nside_m = 0.4\n[fence]\npolygon = [[0, 0], [6, 0], [6, 6], [0, 6]]\n"
     )
     mission.write_text(
-        f'workspace = "floor.toml"\ntargets = "uniform"\nrta.modules = []\n[rta.module.east]\ndeclare = "{PLANTED}:{module}"'
+        'workspace = "floor.toml"\ntargets = "uniform"\nrta.modules = []\n'
+        f'[rta.module.east]\ndeclare = "{PLANTED}:{module}"'
     )
     monkeypatch.setattr("soter.check.mission.BUDGET", 40)
     words = [str(mission), "--backend", "kinematic", "--set", "planner=straight-line"]

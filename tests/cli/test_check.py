@@ -16,10 +16,14 @@ from typer.testing import CliRunner, Result
 
 from soter.adapters.pybullet.backend import KinematicBackend
 from soter.check import admission
+from soter.check.bench import ModuleBench
 from soter.check.conditions import Certainty, Finding
+from soter.check.falsify import Falsified
+from soter.check.mission import check_mission
 from soter.cli import app
 from soter.cli.check import _print
 from soter.cli.console import HumanConsole
+from soter.config import load_mission
 from tests.project.source import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -257,3 +261,34 @@ def test_on_a_terminal_findings_are_broken_below_themselves_and_in_a_pipe_not_at
         assert all(line.startswith(" " * 22 + word) for line, word in zip(found[1:], ("one", "one"), strict=False)), (
             found
         )
+
+
+MISSIONS = [
+    each
+    for each in sorted((ROOT / "examples").rglob("*.toml"))
+    if "workspace" in tomllib.loads(each.read_text()) and each.stem != "thesis" and "campaigns" not in each.parts
+]
+
+
+@pytest.mark.parametrize("example", MISSIONS, ids=lambda each: str(each.relative_to(ROOT / "examples")))
+def test_every_shipped_mission_but_the_thesiss_is_accepted(example: Path) -> None:
+    result = check(str(example), "--budget", "4", "--allow-gaps")
+    assert result.exit_code == 0, result.output
+    assert "PARTLY" not in result.output, "what gaps there are, are of trials too few"
+
+
+def test_trials_wait_as_long_as_the_ways_home_and_users_controllers_may_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot that had to wait for others in a large hall, or for a user's controller, counted as not given back."""
+    patience_s = {}
+
+    def falsify(bench: ModuleBench, *_: object) -> tuple[list[Finding], list[Falsified]]:
+        patience_s[bench.name] = bench.patience_s
+        return [], []
+
+    monkeypatch.setattr("soter.check.mission.falsify", falsify)
+    check_mission(load_mission(ROOT / "examples" / "unlike-fleet.toml"))
+    assert patience_s["collision"] > 60.0 + 20.0 / 0.22, "the hall is 20 m long, and the slowest robot makes 0.22 m/s"
+    check_mission(load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "kinematic"}))
+    alone_s = patience_s["collision"]
+    check_mission(load_mission(ROOT / "examples" / "modules" / "zone.toml"))
+    assert patience_s["zone-speed"] == patience_s["collision"] >= alone_s + 2 * 30.0, "30 s for each robot, by A16"
