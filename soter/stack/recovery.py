@@ -348,7 +348,7 @@ class RecoveryPlanner:
             return None
         self.no_certified_motion += 1
         own = situation.own
-        length = self.v_max_m_s * self._blind_s + self._stop_m
+        length = self.leg_m(0.0)
         chosen: Leg | None = None
         for ux, uy in _DIRECTIONS:
             bx, by = own.x_m + ux * length, own.y_m + uy * length

@@ -17,6 +17,8 @@ from soter.errors import ConfigError
 from soter.rta import RTAModule, Situation, Topic
 from soter.sdk import Waypoint
 from soter.stack import modules
+from soter.stack.battery import GoHome
+from soter.stack.certified_controller import CertifiedController
 from soter.stack.declaration import Declared
 from soter.stack.modules import BUILT_IN, geofence
 from soter.stack.right_of_way import RightOfWay
@@ -42,6 +44,10 @@ def within(kit: ModuleKit) -> RTAModule:
     return replace(geofence.declare(kit, GeofenceTable()), name="whatever")
 
 
+def homing(kit: ModuleKit) -> RTAModule:
+    return replace(within(kit), sc=kit.home)
+
+
 class Uncertified(SafeController):
     """Chooses a place that nobody has certified a leg to."""
 
@@ -61,9 +67,15 @@ def test_a_registered_module_is_declared_by_its_name(monkeypatch: pytest.MonkeyP
     mine = made.module("mine")
     assert mine.name == "mine"
     assert mine in made.own
-    # Its safe controller drives by certified legs itself, and has the robot under contract all the same.
+    # Its safe controller drives by certified legs itself, and is held to the contract all the same.
     assert mine.sc.name == "move-inside"
+    assert isinstance(mine.sc, CertifiedController)
     assert mine.lets_go_s == modules.LETS_GO_S
+
+
+def test_one_whose_safe_controller_drives_home_needs_nobody_to_hold_it_to_the_contract() -> None:
+    mine = declared(**own(f"{__name__}:homing")).module("mine")
+    assert isinstance(mine.sc, GoHome)
 
 
 def test_a_shipped_module_may_be_had_twice_with_options_of_its_own() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from soter.geometry.workspace import Box, Workspace
 from soter.rta import Region, Situation
 from soter.stack.own_rules import OwnRule
-from soter.stack.recovery import PAIR_NEAR_M, SEPARATION_M, RecoveryPlanner, RecoveryRules
+from soter.stack.recovery import LEAST_LEG_M, PAIR_NEAR_M, SEPARATION_M, RecoveryPlanner, RecoveryRules
 from soter.stack.terrain import Point, Terrain
 from tests.rta.doubles import At
 from tests.sdk.fake import CAPABILITIES
@@ -356,6 +356,14 @@ def test_where_no_motion_keeps_every_rule_the_best_is_taken_and_counted(look: Si
     assert leg is not None
     assert callable(improves)
     assert improves(leg.x_m, leg.y_m)
+
+
+def test_a_slow_robot_that_has_left_gets_a_leg_long_enough_not_to_count_as_arrived() -> None:
+    slow = replace(CAPABILITIES, v_max_m_s=0.05)
+    recovery = RecoveryPlanner(TERRAIN, slow, RecoveryRules(), TICK_S)
+    leg = recovery.hold(look_at((-0.1, 2.0)))
+    assert leg is not None
+    assert leg.x_m >= -0.1 + LEAST_LEG_M * 0.9
 
 
 def test_holding_where_all_is_well_is_no_motion_and_not_counted() -> None:

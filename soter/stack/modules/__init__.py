@@ -21,6 +21,7 @@ from soter.errors import ConfigError, IllFormedModule, account_of, nearest
 from soter.loading import load_named
 from soter.rta import RTAModule, Topic
 from soter.rta.module import plain
+from soter.stack.battery import GoHome
 from soter.stack.certified_controller import CertifiedController
 from soter.stack.module_kit import ModuleKit
 from soter.stack.modules.usable import check_usable
@@ -120,8 +121,11 @@ def _bound(made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[
     if kit.name not in BUILT_IN and made.lets_go_s == math.inf:
         made = replace(made, lets_go_s=LETS_GO_S)
     if isinstance(made.sc, SafeController):
-        made.sc.waypoint = waypoint
-        return replace(made, name=kit.name)
+        # The shipped ones drive the return path themselves; of a user's, the wrapper keeps the contract.
+        drives_home = kit.name in BUILT_IN or isinstance(made.sc, GoHome)
+        made.sc.waypoint = waypoint if drives_home else wanted
+        if drives_home:
+            return replace(made, name=kit.name)
     return replace(made, name=kit.name, sc=CertifiedController(made, kit, wanted, waypoint))
 
 
