@@ -7,7 +7,7 @@ from soter_sim.bodies import (
     Control,
     stand_still,
 )
-from soter_sim.engine import Engine, EngineFactory
+from soter_sim.engine import MOST_BOXES, Engine, EngineFactory, boxes_of_map
 from soter_sim.impairment import Impairment
 from soter_sim.truth import WorldTruth
 from soter_sim.world import ENGINES, World, in_window
@@ -16,6 +16,7 @@ __all__ = [
     "BODY_RADIUS_M",
     "ENGINES",
     "LIMITS",
+    "MOST_BOXES",
     "Bodies",
     "Control",
     "Engine",
@@ -23,6 +24,7 @@ __all__ = [
     "Impairment",
     "World",
     "WorldTruth",
+    "boxes_of_map",
     "in_window",
     "stand_still",
 ]

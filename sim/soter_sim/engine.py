@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from functools import lru_cache
+from typing import Final, Protocol
 
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.bodies import Bodies
 from soter_sim.truth import Record
+
+MOST_BOXES: Final = 10_000
+"""Most boxes that a map may be made of in a world of rigid bodies."""
+
+
+@lru_cache(maxsize=2)
+def boxes_of_map(workspace: Workspace) -> int:
+    """Return how many boxes the occupied cells of a workspace's map are made of; 0 without a map."""
+    from soter.geometry.site import Site  # here: most programs have no map, and need no library for arrays
+
+    grid = workspace.plan.map if isinstance(workspace, Site) else None
+    return 0 if grid is None else len(grid.rings())
 
 
 class Engine(Protocol):

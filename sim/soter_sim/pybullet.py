@@ -19,6 +19,7 @@ from soter.geometry.site import Site
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.bodies import BODY_RADIUS_M, Bodies
+from soter_sim.engine import MOST_BOXES, boxes_of_map
 from soter_sim.judge import Judge
 
 
@@ -83,7 +84,6 @@ _BRAKE: Final = 1.06
 # No robot is faster than this many times its top speed, even after a push by another robot of the same speed.
 _BOUND: Final = 2.0
 _BOUND_M_S: Final = 0.5
-_MOST_BOXES: Final = 10_000
 
 
 class PyBulletEngine:
@@ -183,12 +183,12 @@ class PyBulletEngine:
         bullet.changeDynamics(ground, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
         bullet.setCollisionFilterGroupMask(ground, -1, _GROUND, _WHEEL, physicsClientId=client)
         if isinstance(workspace, Site) and (grid := workspace.plan.map) is not None:
-            if len(rings := grid.rings()) > _MOST_BOXES:
+            if (many := boxes_of_map(workspace)) > MOST_BOXES:
                 raise BackendError(
-                    f"the map is made of {len(rings)} boxes, PyBullet takes {_MOST_BOXES}; use the backend "
+                    f"the map is made of {many} boxes, PyBullet takes {MOST_BOXES}; use the backend "
                     "kinematic, or a map with larger cells or less noise"
                 )
-            return frozenset(self._put_box(ring, max(grid.height_m, least_m)) for ring in rings)
+            return frozenset(self._put_box(ring, max(grid.height_m, least_m)) for ring in grid.rings())
         if isinstance(workspace, Site):
             return frozenset(self._put_walls(area.ring, max(area.height_m, least_m)) for area in workspace.plan.areas)
         _, rings = workspace.outlines()

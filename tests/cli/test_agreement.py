@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -339,3 +340,20 @@ def test_what_no_process_of_a_mission_could_begin_with_is_refused(
         assert done.exit_code == 2, done.output
         assert said in " ".join(done.output.split())
         assert "mission.toml" not in done.output, "the command line is to blame"
+
+
+def test_a_map_of_more_boxes_than_pybullet_takes_is_refused_before_a_world_is_built(tmp_path: Path) -> None:
+    cells = np.where(np.random.default_rng(1).random((300, 300)) < 0.2, 0, 254).astype(np.uint8)
+    cells[:60, :60] = 254  # north-west: room for a station
+    (tmp_path / "noise.pgm").write_bytes(b"P5 300 300 255\n" + cells.tobytes())
+    (tmp_path / "noise.yaml").write_text(
+        "image: noise.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    )
+    station = "[[station]]\nx_m = 2.0\ny_m = 28.0\nside_m = 0.5\n"
+    (tmp_path / "mission.toml").write_text(f'workspace = "noise.yaml"\nbackend = "pybullet"\n{station}')
+    for command in (("check", "--budget", "2"), ("run", "--no-record", "--duration", "1")):
+        done = CliRunner().invoke(app, [command[0], str(tmp_path / "mission.toml"), *command[1:]])
+        assert done.exit_code == 2, done.output
+        assert re.search(
+            r"backends.pybullet.engine: it is 'pybullet', allowed: kinematic, since .* \d{5} boxes", done.output
+        )

@@ -29,7 +29,7 @@ from soter.sdk import (
     RobotState,
 )
 from soter.sdk.capabilities import REST_M_S, REST_RAD_S
-from soter_sim import BODY_RADIUS_M, LIMITS, Impairment, World, in_window
+from soter_sim import BODY_RADIUS_M, LIMITS, MOST_BOXES, Impairment, World, boxes_of_map, in_window
 
 _UP: Final = Link.UP
 
@@ -238,6 +238,15 @@ class PyBulletConfig(BackendConfig):
     def _has_something_to_show(self) -> Self:
         if self.window and self.engine != "pybullet":
             raise wrong(("window",), True, f"only with the engine pybullet: {self.engine} has no bodies to show")
+        return self
+
+    @model_validator(mode="after")
+    def _has_room_for_the_map(self) -> Self:
+        if self.engine == "pybullet" and (boxes := boxes_of_map(self.workspace)) > MOST_BOXES:
+            raise wrong(
+                ("engine",), self.engine, f"kinematic, since the map is made of {boxes} boxes, and PyBullet takes "
+                f"{MOST_BOXES}; or a map with larger cells or less noise"
+            )  # fmt: skip
         return self
 
 
