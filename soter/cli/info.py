@@ -110,7 +110,8 @@ def _failed(failed: AssumptionFailure) -> str:
 
 def _stall(stall: Stall) -> str:
     end = "the end" if stall.end_s is None else f"{stall.end_s:.2f} s"
-    return f"robot {stall.robot_id} without its AC from {stall.start_s:.2f} s to {end}: {stall.module}: {stall.cause}"
+    why = ": ".join(filter(None, (stall.module, stall.cause)))
+    return f"robot {stall.robot_id} without its AC from {stall.start_s:.2f} s to {end}: {why}"
 
 
 def _judged(summary: Summary) -> str:

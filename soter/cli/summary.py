@@ -103,8 +103,8 @@ def _failed(result: RunResult) -> Iterator[Row]:
         worst = [(each.excess, each.unit, each.time_s, each.cause) for each in breach.worst]
         yield Row(f"  {number}, robot {robot}", breach_text(breach.times, breach.first_s, breach.cause, worst))
     for robot, stall in result.permanent_stalls.items():
-        text = f"{_time(stall.lasted_s)} up to the end, by {stall.module}: {stall.cause}"
-        yield Row(f"stalled, robot {robot}", text, style="red")
+        why = ": ".join(filter(None, (stall.module, stall.cause)))
+        yield Row(f"stalled, robot {robot}", f"{_time(stall.lasted_s)} up to the end, by {why}", style="red")
     if result.never_moved:
         yield Row("never moved", f"robot {', '.join(map(str, result.never_moved))}", style="red")
     for text in result.accepted_unproved:

@@ -14,7 +14,7 @@ from soter.rta import PairBound, Region, RTAModule, Situation, SpeedBound, Timin
 from soter.rta.decision import DecisionModule
 from soter.stack.collision import Separation
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules, extent_m
-from tests.proofs.symbolic import Fact, SymbolicMath, greatest, least, positive
+from tests.proofs.symbolic import Fact, SymbolicMath, greatest, least, positive, size
 from tests.rta.doubles import At, FakeNode
 
 MODULES: Final = ("collision", "recovery", "return_path", "site_terrain", "static_rules", "terrain")
@@ -49,7 +49,12 @@ def on_reals(patch: pytest.MonkeyPatch) -> SymbolicMath:
         code = sys.modules[f"soter.rta.{name}"]
         patch.setattr(code, "plain", lambda value: value)
         patch.setattr(code, "round", lambda _: 1, raising=False)
-    patch.setattr(sys.modules["soter.rta.models.bounds"], "positive", lambda _, value: value)
+    for name in ("bounds", "motion"):
+        code = sys.modules[f"soter.rta.models.{name}"]
+        for built_in, ours in {"max": greatest, "min": least, "abs": size, "hypot": symbolic.hypot}.items():
+            patch.setattr(code, built_in, ours, raising=False)
+        for check in ("positive", "not_negative"):
+            patch.setattr(code, check, lambda _, value: value, raising=False)
     patch.setattr(sys.modules["soter.rta.module"], "_ROUNDING", 0)
     patch.setattr(sys.modules["soter.stack.collision"], "_ROUNDING", 0)
     # It only looks for a value that a refusal can suggest.

@@ -148,6 +148,11 @@ def least(*values: Any) -> Any:
     return _extreme(lambda one, other: z3.If(one <= other, one, other), min, values)
 
 
+def size(value: Any) -> Any:
+    """Take the place of `abs`."""
+    return greatest(value, -value)
+
+
 def _extreme(choose: Callable[[Any, Any], Any], plain: Callable[..., Any], values: tuple[Any, ...]) -> Any:
     among = list(values[0]) if len(values) == 1 else list(values)
     found = among[0]
@@ -169,12 +174,15 @@ class _Fork:
         # Whether the other way is still to be gone.
         self._left: list[bool] = []
         self._script, self._given, self._math = script, given, symbolic
+        self._certain = [
+            (z3.simplify(fact if sure else z3.Not(fact)), sure) for fact in given for sure in (True, False)
+        ]
 
     def decide(self, condition: Any) -> bool:
         condition = z3.simplify(condition)
         if z3.is_true(condition) or z3.is_false(condition):
             return bool(z3.is_true(condition))
-        for known, answer in self.taken:
+        for known, answer in (*self._certain, *self.taken):
             if known.eq(condition):
                 return answer
         if len(self.taken) < len(self._script):

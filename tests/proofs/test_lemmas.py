@@ -3,29 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from soter.rta import PairBound, Region, RTAModule, SpeedBound, Timing
+from soter.rta import (
+    DirectedReach,
+    PairBound,
+    Region,
+    RTAModule,
+    SpeedAccelerationBound,
+    SpeedBound,
+    Timing,
+    UnicycleBound,
+)
 from soter.rta.decision import DecisionModule
+from soter.rta.models import bounds
 from soter.stack import recovery, return_path
 from soter.stack.collision import Separation, check_halves
 from soter.stack.modules import obstacle
 from soter.stack.recovery import RecoveryPlanner
 from soter.stack.static_rules import Clearance
-from tests.proofs import lemmas, robots
+from tests.proofs import certificate, lemmas, reach, robots
 from tests.proofs.robots import on_reals
 from tests.proofs.symbolic import counterexample, greatest
+from tests.rta.doubles import At
 
 Mutation = Callable[[pytest.MonkeyPatch], None]
 
+LEMMAS = {**lemmas.LEMMAS, **certificate.LEMMAS, **reach.LEMMAS}
 
-@pytest.mark.parametrize("name", lemmas.LEMMAS)
+
+@pytest.mark.parametrize("name", LEMMAS)
 def test_lemma_holds(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     symbolic, checked = on_reals(monkeypatch), 0
-    for each in lemmas.LEMMAS[name](symbolic, monkeypatch):
+    for each in LEMMAS[name](symbolic, monkeypatch):
         found = counterexample(each.claim, [*each.given, *symbolic.known()])
         assert found is None, f"{each.name}: {found}"
         checked += 1
@@ -91,6 +105,61 @@ def slow_peer(module: RTAModule, *rest: Any) -> None:
     assert isinstance(module.model, PairBound)
     own = module.model.own
     check_halves(replace(module, phi_safe=replace(module.phi_safe, peer_v_max_m_s=own.v_max_m_s)), *rest)
+
+
+def short(figure: Callable[[RecoveryPlanner], Any]) -> Mutation:
+    """Legs are certified with a tube that is so much thinner."""
+    return planner_with(lambda planner: setattr(planner, "_tube", planner._tube - figure(planner)))
+
+
+def model_with(owner: type, **figures: Callable[[Any], Any]) -> Mutation:
+    """A reach model is made with other figures."""
+    make = owner.__init__  # type: ignore[misc]
+
+    def makes(self: Any, *arguments: Any) -> None:
+        make(self, *arguments)
+        for name, figure in figures.items():
+            setattr(self, name, figure(self))
+
+    return attribute(owner, "__init__", makes)
+
+
+def part_with(name: str, **figures: Callable[[Any], Any]) -> Mutation:
+    """A part of the unicycle's bound is computed with other figures."""
+    compute = getattr(UnicycleBound, name)
+
+    def computes(self: Any, *arguments: Any) -> Any:
+        other = copy(self)
+        for figure, of in figures.items():
+            setattr(other, figure, of(self))
+        return compute(other, *arguments)
+
+    return attribute(UnicycleBound, name, computes)
+
+
+def half_the_rate(model: Any) -> Any:
+    return model.yaw_rate_max_rad_s * 0.5
+
+
+def the_other_way(model: Any) -> Any:
+    return model.yaw_rate_max_rad_s * -1
+
+
+def towards(turn: Callable[[Any, Any], tuple[Any, Any]]) -> Mutation:
+    """The unicycle's bound is that of another direction: the heading is read as another one."""
+
+    def extent(self: UnicycleBound, sample: Any, time_s: Any, ux: Any, uy: Any) -> Any:
+        return self._along(sample, time_s, *turn(ux, uy), self.brake_m_s2)
+
+    return attribute(UnicycleBound, "extent", extent)
+
+
+def peer_with(change: Callable[..., tuple[Any, ...]]) -> Mutation:
+    """A peer's extent is asked for with other arguments: sample, own stamp, time, direction."""
+    asks = DirectedReach._extent_of
+    return attribute(
+        DirectedReach, "_extent_of", staticmethod(lambda other, *arguments: asks(other, *change(*arguments)))
+    )
 
 
 apart_m = RecoveryPlanner.apart_m
@@ -161,6 +230,42 @@ MUTATIONS: dict[tuple[str, str], Mutation] = {
         return_path, "min", lambda *values: values[0]
     ),
     ("return_path", "the detour left out"): attribute(return_path, "DETOUR_M", -1),
+    ("certified_fence", "tube left out"): short(lambda planner: planner._tracking_m),
+    ("certified_fence", "noise left out"): short(lambda planner: planner._tube - planner._tracking_m),
+    ("certified_fence", "age left out"): leaves_out("_drift_m_s"),
+    ("certified_fence", "a leg that leads along"): attribute(recovery, "_ALIGNED_SIN", 0),
+    ("certified_boxes", "tube left out"): short(lambda planner: planner._tracking_m),
+    ("certified_boxes", "noise left out"): short(lambda planner: planner._tube - planner._tracking_m),
+    ("certified_boxes", "age left out"): leaves_out("_drift_m_s"),
+    ("certified_boxes", "a leg that leads along"): attribute(recovery, "_ALIGNED_SIN", 0),
+    ("speed_acceleration", "noise left out"): model_with(SpeedAccelerationBound, speed_noise_m_s=lambda _: 0),
+    ("speed_acceleration", "half of the acceleration"): model_with(
+        SpeedAccelerationBound, accel_m_s2=lambda model: model.accel_m_s2 / 2
+    ),
+    ("speed_acceleration", "factor 2 of braking left out"): model_with(
+        SpeedAccelerationBound, brake_m_s2=lambda model: model.brake_m_s2 * 2
+    ),
+    ("heading", "heading noise left out"): model_with(UnicycleBound, heading_noise_rad=lambda _: 0),
+    ("heading", "heading noise left out of the speed"): model_with(UnicycleBound, _aligned=lambda _: 1),
+    ("heading", "speed noise left out"): model_with(UnicycleBound, speed_noise_m_s=lambda _: 0),
+    ("heading", "no way backwards"): model_with(UnicycleBound, reverse_m_s=lambda _: 0),
+    ("heading", "wrong heading: mirrored"): towards(lambda ux, uy: (ux, -uy)),
+    ("heading", "wrong heading: backwards"): towards(lambda ux, uy: (-ux, -uy)),
+    ("turning", "turn rate halved"): part_with("_swept", yaw_rate_max_rad_s=half_the_rate),
+    ("turning", "it turns the other way"): part_with("_swept", yaw_rate_max_rad_s=the_other_way),
+    ("turning", "half of the acceleration"): part_with("_swept", accel_m_s2=lambda model: model.accel_m_s2 / 2),
+    ("turning", "the control period left out"): part_with("_swept", period_s=lambda _: 0),
+    ("integral", "turn rate halved"): part_with("_piece", yaw_rate_max_rad_s=half_the_rate),
+    ("integral", "it turns the other way"): part_with("_piece", yaw_rate_max_rad_s=the_other_way),
+    ("pairs", "the peer's share left out"): attribute(DirectedReach, "_extent_of", staticmethod(lambda *_: 0)),
+    ("pairs", "the peer's way counted once"): attribute(bounds, "abs", lambda _: 0),
+    ("pairs", "the peer's age left out"): peer_with(lambda peer, _, *rest: (peer, peer.stamp_s, *rest)),
+    ("pairs", "wrong heading: the robot's own for the peer's"): peer_with(
+        lambda peer, *rest: (At(stamp_s=peer.stamp_s), *rest)
+    ),
+    ("pairs", "wrong heading: the peer on the other side"): peer_with(
+        lambda peer, stamp_s, time_s, *towards: (peer, stamp_s, time_s, *(-each for each in towards))
+    ),
 }
 
 
@@ -168,9 +273,9 @@ MUTATIONS: dict[tuple[str, str], Mutation] = {
 def test_mutation_has_a_counterexample(name: str, how: str, monkeypatch: pytest.MonkeyPatch) -> None:
     symbolic = on_reals(monkeypatch)
     MUTATIONS[name, how](monkeypatch)
-    obligations = lemmas.LEMMAS[name](symbolic, monkeypatch)
+    obligations = LEMMAS[name](symbolic, monkeypatch)
     assert any(counterexample(each.claim, [*each.given, *symbolic.known()]) is not None for each in obligations)
 
 
 def test_every_lemma_has_a_mutation() -> None:
-    assert {name for name, _ in MUTATIONS} == set(lemmas.LEMMAS)
+    assert {name for name, _ in MUTATIONS} == set(LEMMAS)

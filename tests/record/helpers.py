@@ -11,13 +11,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from soter.config import MissionFile, load_mission
 from soter.record.digest import RECORD
-from soter.runner import Run, run_mission
+from soter.runner import Run, metrics, run_mission
 from tests.project.source import ROOT
 from tests.waiting import wait_until
 
@@ -34,6 +35,20 @@ def mission(**overrides: object) -> MissionFile:
 def recorded(path: Path, **overrides: object) -> Run:
     """Run a mission and record it."""
     return run_mission(mission(**overrides), record=path)
+
+
+STANDING_S = 70.0
+
+
+def standing(path: Path) -> Run:
+    """Record a run in which nobody hears of robot 1: no robot gets its AC, and none moves, from the start to the end.
+
+    For being without its AC 20 s count as a stall, in place of 300 s: so the run is short.
+    """
+    silent = {"kind": "kill", "robot": 1, "start_s": 0.05, "declared": False}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(metrics, "STALL_S", 20.0)
+        return recorded(path, duration_s=STANDING_S, fault=[silent])
 
 
 def rewrite(

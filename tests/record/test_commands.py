@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from typer.testing import CliRunner, Result
 from soter.cli import app
 from soter.record.reader import Recording
 from tests.record.conftest import Recorded
-from tests.record.helpers import SURVEILLANCE, recorded, rewrite
+from tests.record.helpers import SURVEILLANCE, recorded, rewrite, standing
 
 QUICK = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "20")
 
@@ -201,6 +202,26 @@ def test_info_does_not_know_the_violations_of_a_run_that_was_cut_off(short: Reco
     data, part = short.path.read_bytes(), tmp_path / "part.mcap"
     part.write_bytes(data[: len(data) // 2])
     assert "violations      unknown: the run did not get to sum up what ground truth saw" in ran("info", part).stdout
+
+
+def test_info_names_the_robots_that_stood_for_good_and_those_that_never_moved(tmp_path: Path) -> None:
+    result = standing(tmp_path / "run.mcap").result
+    assert [*result.permanent_stalls] == [*result.never_moved] == [1, 2]
+    said = ran("info", tmp_path / "run.mcap").stdout
+    for robot, stall in result.permanent_stalls.items():
+        assert f"robot {robot} without its AC from {stall.since_s:.2f} s to the end: {stall.module}" in said
+    assert re.search(r"never moved +robot 1\n +robot 2\n", said)
+    figures = json.loads(ran("info", tmp_path / "run.mcap", "--json").stdout)
+    assert [(each["robot_id"], each["start_s"], each["end_s"]) for each in figures["stalls"]] == [
+        (robot, stall.since_s, None) for robot, stall in result.permanent_stalls.items()
+    ]
+    assert figures["never_moved"] == [1, 2]
+
+
+def test_info_of_robots_that_got_on_says_nothing_of_standing(kinematic: Recorded) -> None:
+    said = ran("info", kinematic.path).stdout
+    assert "without its AC" not in said
+    assert "never moved" not in said
 
 
 def test_info_writes_tables(kinematic: Recorded, tmp_path: Path) -> None:

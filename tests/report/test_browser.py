@@ -8,6 +8,7 @@ from __future__ import annotations
 import cmath
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 
 from soter.record.reader import Recording
 from soter.report.page.html import make_page
-from tests.record.helpers import rewrite
+from tests.record.helpers import rewrite, standing
 from tests.report.chromium import NEEDED, moment, opened, until
 from tests.report.pages import DURATION_S, PHONE, Made, distance, page_of, pixel, rgb
 
@@ -84,6 +85,45 @@ def test_assumptions_that_failed_are_named_listed_and_on_the_time_line(browser: 
             }"""
         )
         assert distance(tuple(mark), rgb(page.evaluate("soter.page.style.colours.doubt"))) < 10.0
+
+
+INK_OF_A_LANE = """(number) => {
+    // How many columns of a robot's band, of those in the second half of its time, have ink in them.
+    const lane = soter.page.charts[number];
+    const { lastS } = soter.run;
+    const [left, right] = [lane.x(lastS / 2), lane.x(lastS)].map((each) => Math.round(each * lane.ratio));
+    const height = lane.kept.height;
+    const { data } = lane.kept.getContext("2d").getImageData(left, 0, right - left, height);
+    const ink = soter.page.style.colours.ink.slice(1).match(/../g).map((each) => parseInt(each, 16));
+    const middle = Math.round(height / 2) * (right - left);
+    let found = 0;
+    for (let x = 0; x < right - left; x += 1) {
+        const at = 4 * (middle + x);
+        if (ink.every((each, channel) => Math.abs(data[at + channel] - each) < 40)) found += 1;
+    }
+    return found / (right - left);
+}"""
+
+
+def test_robots_that_stood_for_good_are_named_and_hatched_up_to_the_end(
+    browser: Any, made: Made, tmp_path: Path
+) -> None:
+    standing(tmp_path / "run.mcap")
+    (tmp_path / "run.html").write_text(make_page(Recording(tmp_path / "run.mcap")), encoding="utf-8")
+    with opened(browser, tmp_path / "run.html") as page:
+        said = page.inner_text("#notices")
+        for robot in (1, 2):
+            stood = (
+                rf"Robot {robot} was without its AC, and not charging, from 0:00[.0]* to the end of the run: collision"
+            )
+            assert re.search(stood, said)
+            assert page.evaluate(INK_OF_A_LANE, robot - 1) > 0.1
+        assert "Never moved: robot 1, 2." in said
+        assert ": ." not in said
+    with opened(browser, made.path) as page:
+        assert "without its AC" not in page.inner_text("#notices")
+        assert "Never moved" not in page.inner_text("#notices")
+        assert page.evaluate(INK_OF_A_LANE, 0) < 0.02
 
 
 # --- moving in time ----------------------------------------------------------------------------------------

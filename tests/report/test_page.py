@@ -17,7 +17,7 @@ from soter.record.messages import BreachEvent, DropEvent, Event, StallEvent, Wor
 from soter.record.reader import Recording
 from soter.report.page import extract
 from soter.report.page.html import make_page
-from tests.record.helpers import recorded, rewrite
+from tests.record.helpers import recorded, rewrite, standing
 from tests.report.unpacked import Unpacked, of_page
 
 DURATION_S = 120.0
@@ -196,6 +196,17 @@ def test_failed_assumptions_and_stalls_are_listed_with_their_times(path: Path, t
     assert document["stalls"]["rows"] == [
         [1, 40.0, None, "obstacle", "margin 0.02 m"], [2, 50.0, 109.0, "battery", "start"],
     ]  # fmt: skip
+
+
+def test_robots_that_stood_for_good_and_never_moved_are_named(data: Unpacked, tmp_path: Path) -> None:
+    result = standing(tmp_path / "run.mcap").result
+    document = of_page(make_page(Recording(tmp_path / "run.mcap"))).document
+    # Without an end: the time line has them hatched up to its own.
+    assert [row[:4] for row in document["stalls"]["rows"]] == [
+        [robot, stall.since_s, None, stall.module] for robot, stall in result.permanent_stalls.items()
+    ]
+    assert document["summary"]["neverMoved"] == [*result.never_moved] == [1, 2]
+    assert data.document["summary"]["neverMoved"] == data.document["stalls"]["rows"] == []
 
 
 def test_a_recording_that_was_cut_off_does_not_claim_to_be_safe(path: Path, tmp_path: Path) -> None:

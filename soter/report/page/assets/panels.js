@@ -103,7 +103,7 @@
     if (run.breaches.length) found.push(`Assumptions of the safety argument failed: ${failed(run)}.`);
     for (const { robot, startS, endS, module, cause } of run.stalls) {
       const end = endS !== null ? clock(endS) : run.goesOn ? "now" : "the end of the run";
-      found.push(`Robot ${robot} was without its AC, and not charging, from ${clock(startS)} to ${end}: ${module}: ${cause}.`);
+      found.push(`Robot ${robot} was without its AC, and not charging, from ${clock(startS)} to ${end}: ${module}${cause && `: ${cause}`}.`);
     }
     if (summary.neverMoved.length) found.push(`Never moved: robot ${summary.neverMoved.join(", ")}.`);
     for (const text of summary.acceptedUnproved) found.push(`Accepted although it is not proved: ${text}`);
