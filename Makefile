@@ -54,14 +54,15 @@ browser-test: ## Open pages of recordings and campaigns in Chromium, at four siz
 	$(VENV)/python -m pytest -n 2 --dist worksteal $(wildcard tests/*/test_*browser.py) $(PYTEST_ARGS)
 
 .PHONY: accept
-accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, corridors and random ones; hours, carries on
+accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, tuned missions, corridors and random ones; hours
 	@tools/env.sh test
 	@for name in evaluation adversaries faults; do \
 		$(VENV)/soter campaign examples/campaigns/$$name.toml $(ACCEPT_ARGS) || exit 1; \
 		$(VENV)/soter campaign report runs/$$name.sqlite --into docs/$$name.md || exit 1; \
 	done
-	$(VENV)/soter campaign examples/campaigns/corridors.toml $(ACCEPT_ARGS)
-	$(VENV)/soter campaign examples/campaigns/random.toml $(ACCEPT_ARGS)
+	@for name in tuned corridors random; do \
+		$(VENV)/soter campaign examples/campaigns/$$name.toml $(ACCEPT_ARGS) || exit 1; \
+	done
 
 .PHONY: bench
 bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)

@@ -124,6 +124,16 @@ def test_the_shipped_numbers_are_the_least_for_all_their_backends_rounded_up(exa
         assert 0.0 <= getattr(getattr(shipped, module), SAFER[module]) - most[module] <= 0.02, module
 
 
+@pytest.mark.parametrize("backend", ["kinematic", "pybullet"])
+def test_the_campaign_of_tuned_missions_has_what_is_found(backend: str) -> None:
+    campaign = tomllib.loads((EXAMPLES / "campaigns" / "tuned.toml").read_text())
+    part = next(each for each in campaign["part"] if each["set"]["backend"] == backend)
+    found = tune(load_mission(EXAMPLES / "surveillance.toml", {"backend": backend})).tables()["rta"]
+    for module, key in SAFER.items():
+        assert part["set"]["rta"][module][key] == found[module][key]
+        assert campaign["set"]["rta"][module]["model"] == found[module]["model"]
+
+
 def test_the_whole_mission_can_be_written_and_read(tmp_path: Path) -> None:
     given = {"backend": "kinematic", "battery.initial": {2: 0.17}, "fault": [{"kind": "bias", "x_m": 0.01}]}
     tuning = tune(load_mission(EXAMPLES / "surveillance.toml", given))
