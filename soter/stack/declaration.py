@@ -24,7 +24,7 @@ from soter.stack.own_rules import OwnRule, apart_m, forbidden
 from soter.stack.peers import PeerBounds, Peers
 from soter.stack.recovery import RecoveryPlanner, RecoveryRules
 from soter.stack.refuge import RefugeFinder
-from soter.stack.return_path import ReturnPath
+from soter.stack.return_path import BACK_CHARGE, BACK_M, ReturnPath
 from soter.stack.right_of_way import BATTERY, COLLISION, RightOfWay
 from soter.stack.safe_controller import WAYPOINT
 from soter.stack.site_routes import Rectangle
@@ -150,7 +150,8 @@ def declare(
         home_m = _home_clearance_m(mission, capabilities, kept_m[0]) - beyond_m
         inset_m = _inset_m(mission, capabilities, kept_m[1])
         kept_free, shared = [*chain(*stations), *more], rooms if stations else ()
-        return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, kept_free, shared)
+        back_m = max(BACK_M, BACK_CHARGE / cost_per_m)
+        return ReturnPath(room, recovery, place.charger.centre, home_m, inset_m, kept_free, shared, back_m)
 
     cost_per_m = 1.0 / (mission.battery.drive_s * capabilities.v_max_m_s)
     dock = Dock(place.charger, path_around(()), cost_per_m)

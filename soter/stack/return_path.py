@@ -32,8 +32,12 @@ _BESIDE_M: Final = 1e-5
 LOOK_S: Final = 1.0
 """The path is looked for again after the distance that the robot can drive in this time."""
 
-_BACK_M: Final = 1.0
-"""In a site the path is looked for again this far from the last such place; nearer, the robot goes back there."""
+BACK_M: Final = 1.0
+"""In a site the path is looked for again this far from the last such place, or farther where charges last long; nearer,
+the robot goes back there."""
+
+BACK_CHARGE: Final = 0.0025
+"""Charge that a way back may cost before the path is looked for again, among a site's many corners."""
 
 _BACK_SHARE: Final = 0.025
 """Or at this share of the path's length: far from the station a longer way back matters less."""
@@ -82,6 +86,7 @@ class ReturnPath:
         occupied: rectangles to keep out of: other robots' stations, with the room that robots on them need.
         shared: the rectangles that the paths of all robots of the fleet keep out of, each robot but a few; see
             `soter.stack.roadmap.Roadmap`.
+        back_m: how far a way back may be, in a site, before the path is looked for again.
 
     Attributes:
         place: the station.
@@ -98,8 +103,10 @@ class ReturnPath:
         inset_m: float,
         occupied: Sequence[Rectangle] = (),
         shared: tuple[Rectangle, ...] = (),
+        back_m: float = BACK_M,
     ) -> None:
         self.place: Final = place
+        self._back_m: Final = back_m
         self._terrain: Final = terrain
         self._recovery: Final = recovery
         self._occupied: Final = tuple(occupied)
@@ -214,7 +221,7 @@ class ReturnPath:
         """Return the distance from an anchor within which the path need not be looked for again."""
         if anchor is None or self._terrain.convex:
             return self._cap_m
-        return max(self._cap_m, _BACK_M, _BACK_SHARE * anchor.length_m)
+        return max(self._cap_m, self._back_m, _BACK_SHARE * anchor.length_m)
 
     def _radius_m(self, here: Point, entry: Point, anchor: _Anchor | None) -> float:
         """Return the radius around `here` within which all places see the entry: clearance falls a metre per metre."""
