@@ -341,11 +341,11 @@ class Bench(Judging):
         self.run(1.0, renew=renew)
         later = self.look(robot)
         slipped, turned = later.distance_m(rest.x_m, rest.y_m), abs(turn(rest.heading_rad, later.heading_rad))
-        if slipped <= self.still_m and turned > self.still_rad and abs(before.yaw_rate_rad_s) <= TURNING_RAD_S:
+        if slipped <= self.held_m and turned > self.still_rad and abs(before.yaw_rate_rad_s) <= TURNING_RAD_S:
             # It drove straight and now turns in place, so it wants to drive somewhere again.
             cause = f"it turns to drive back to where it was when it was told, as if that were its goal; or {cause}"
         self.require(
-            slipped <= self.still_m and turned <= self.still_rad,
+            slipped <= self.held_m and turned <= self.still_rad,
             f"{allowed_s:.2f} s after it had to stop it still moves, {slipped:.3f} m and {turned:.2f} rad within "
             f"another second: {cause}",
         )
@@ -371,6 +371,6 @@ class Bench(Judging):
         if moved <= _CREEPS * self.caps.v_max_m_s * seconds and turned <= self.still_rad:
             cause = f"it creeps, so nothing holds it at rest; or {cause}"
         self.require(
-            moved <= self.still_m and turned <= self.still_rad,
+            moved <= self.held_m and turned <= self.still_rad,
             f"it moved by {moved:.3f} m and turned by {turned:.2f} rad in {seconds:g} s, expected rest: {cause}",
         )
