@@ -73,6 +73,11 @@ def test_a_robot_that_keeps_what_it_promises_conforms(kind: type[Broken]) -> Non
     assert record.overall is Overall.CONFORMS
 
 
+def test_a_slow_goal_of_a_robot_whose_places_are_rough_is_waited_for() -> None:
+    record = judge(SimulatedHarness(noisy(True, 0.07, 0.02, 0.03)), [CLAUSES["goto.speed_cap"]])
+    assert [each.verdict for each in record.outcomes] == [Verdict.PASS], record.outcomes
+
+
 def sways(by_m_s: float, promised_m_s: float) -> type[Broken]:
     """Holds its place to and fro, as a copter does by an estimate that is off."""
 
