@@ -159,6 +159,8 @@ class MavlinkRobot(Robot):
         obedience = self._obedience
         if self._preparation.ready:
             obedience.look()
+        elif obedience.astray:
+            obedience.look_for_place()
         # A position that the EKF itself does not trust is not used: the latest sample ages instead.
         return self._sampler.latest if obedience.astray else self._sampler.sample()
 
