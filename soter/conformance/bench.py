@@ -229,7 +229,7 @@ class Bench(Judging):
         """Send a robot to a target and fail the clause unless it arrives; `cause` is the likely cause, if known."""
         began, began_s = self.look(robot), self.now_s
         goal = robot.goto(target, by)
-        self.run(self.way_s(), lambda: not goal.active or self.stands(robot, began_s))
+        self.run(self.way_s(), lambda: not goal.active or self.stands(robot, began_s, target.speed_m_s))
         self.require(
             goal.status is GoalStatus.REACHED,
             f"a goal {began.distance_m(target.x_m, target.y_m):.2f} m away is {goal.status.value} ({goal.reason}) "
@@ -272,10 +272,16 @@ class Bench(Judging):
             "latched a fault, such as after some ends of its lease"
         )
 
-    def stands(self, robot: Robot, since_s: float) -> bool:
-        """Return whether a robot has had time to move, but has not moved or not been heard for a while."""
+    def stands(self, robot: Robot, since_s: float, speed_m_s: float | None = None) -> bool:
+        """Return whether a robot has had time to move, but has not moved or not been heard for a while.
+
+        Args:
+            robot: which.
+            since_s: when it was told to.
+            speed_m_s: the goal's cap on the speed, or None.
+        """
         # Long enough for a slow robot to get farther than noise seems to.
-        patience_s = max(_PATIENCE_S, 4.0 * self.still_m / self._slow_m_s)
+        patience_s = max(_PATIENCE_S, 4.0 * self.still_m / min(self._slow_m_s, speed_m_s or math.inf))
         patience_s += 2.0 * self.caps.latency_s + self.caps.sample_age_s
         track, from_s = self.tracks[robot.id], self.now_s - patience_s
         if from_s < since_s:
@@ -309,7 +315,10 @@ class Bench(Judging):
             before = next((each for each in reversed(track) if each.at_s <= track[-1].at_s - _TOWARDS_S), track[0])
             return track[-1].distance_m(target.x_m, target.y_m) < before.distance_m(target.x_m, target.y_m)
 
-        self.run(self.way_s(), lambda: moves() or not goal.active or self.stands(robot, began_s), closely=closely)
+        self.run(
+            self.way_s(), lambda: moves() or not goal.active or self.stands(robot, began_s, target.speed_m_s),
+            closely=closely,
+        )  # fmt: skip
         most_m_s = max((each.speed_m_s for each in self.since(robot, began_s)), default=0.0)
         self.require(
             moves() and goal.active,
@@ -341,11 +350,11 @@ class Bench(Judging):
         self.run(1.0, renew=renew)
         later = self.look(robot)
         slipped, turned = later.distance_m(rest.x_m, rest.y_m), abs(turn(rest.heading_rad, later.heading_rad))
-        if slipped <= self.still_m and turned > self.still_rad and abs(before.yaw_rate_rad_s) <= TURNING_RAD_S:
+        if slipped <= self.held_m and turned > self.still_rad and abs(before.yaw_rate_rad_s) <= TURNING_RAD_S:
             # It drove straight and now turns in place, so it wants to drive somewhere again.
             cause = f"it turns to drive back to where it was when it was told, as if that were its goal; or {cause}"
         self.require(
-            slipped <= self.still_m and turned <= self.still_rad,
+            slipped <= self.held_m and turned <= self.still_rad,
             f"{allowed_s:.2f} s after it had to stop it still moves, {slipped:.3f} m and {turned:.2f} rad within "
             f"another second: {cause}",
         )
@@ -371,6 +380,6 @@ class Bench(Judging):
         if moved <= _CREEPS * self.caps.v_max_m_s * seconds and turned <= self.still_rad:
             cause = f"it creeps, so nothing holds it at rest; or {cause}"
         self.require(
-            moved <= self.still_m and turned <= self.still_rad,
+            moved <= self.held_m and turned <= self.still_rad,
             f"it moved by {moved:.3f} m and turned by {turned:.2f} rad in {seconds:g} s, expected rest: {cause}",
         )

@@ -20,6 +20,8 @@ STILL_M: Final = 0.005
 
 STILL_RAD: Final = 0.03
 _FADES_M_PER_M_S: Final = 0.02
+_HELD: Final = 0.05
+"""What moves faster than this share of its top speed does not stand, whatever noise is promised."""
 
 READ_S: Final = 0.003
 """A pose of the truth that took longer than this to read has no known time."""
@@ -130,6 +132,15 @@ class Judging:
         """A robot that moves by no more than this in a second is at rest; more for fast robots, whose motion fades."""
         fades_m = 0.0 if self.capabilities is None else _FADES_M_PER_M_S * self.capabilities.v_max_m_s
         return max(STILL_M, fades_m) + 2.0 * self.noise_m
+
+    @property
+    def held_m(self) -> float:
+        """A robot that is to stay at rest moves by no more than this in a second.
+
+        By the truth it moves as its velocity is promised to be off, since it holds its place by what it believes.
+        """
+        noise_m_s = min(self.caps.speed_noise_m_s or 0.0, _HELD * self.caps.v_max_m_s)
+        return self.still_m + (noise_m_s if self.truth else 0.0)
 
     @property
     def still_rad(self) -> float:

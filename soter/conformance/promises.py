@@ -118,7 +118,8 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
         ("truth.bounds.velocity", "state.velocity", "bounds.rest"),
         (
             "means over a window against the truth, and against positions, also at a tenth of v_max_m_s; where nothing "
-            "is promised 5 % of v_max_m_s; and what is shown at rest in 8 s, where nothing is promised 2 %"
+            "is promised 5 % of v_max_m_s; and what is shown at rest in 8 s, where nothing is promised 2 %; a robot "
+            "that is to stay at rest may move by the truth by as much, and at most by 5 % of v_max_m_s"
         ),
     ),
     "heading_noise_rad": (

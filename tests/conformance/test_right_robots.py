@@ -16,7 +16,7 @@ from soter.conformance.clause import CLAUSES
 from soter.conformance.find import InProcessHarness
 from soter.sdk import Capabilities, Fleet, RobotSpec, RobotState
 from tests.broken.in_process import Broken
-from tests.broken.parts import memory
+from tests.broken.parts import memory, with_control
 from tests.conformance.simulated import SimulatedHarness
 
 
@@ -71,6 +71,37 @@ def test_a_robot_that_keeps_what_it_promises_conforms(kind: type[Broken]) -> Non
     record = judge(SimulatedHarness(kind))
     assert [each.reason for each in record.outcomes if each.verdict is Verdict.FAIL] == []
     assert record.overall is Overall.CONFORMS
+
+
+def test_a_slow_goal_of_a_robot_whose_places_are_rough_is_waited_for() -> None:
+    record = judge(SimulatedHarness(noisy(True, 0.07, 0.02, 0.03)), [CLAUSES["goto.speed_cap"]])
+    assert [each.verdict for each in record.outcomes] == [Verdict.PASS], record.outcomes
+
+
+def sways(by_m_s: float, promised_m_s: float) -> type[Broken]:
+    """Holds its place to and fro, as a copter does by an estimate that is off."""
+
+    def edit(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+        goal = robot._mux.command
+        if speed or rate or (goal is not None and math.dist(state[1:3], goal.target[:2]) > 0.05):
+            return speed, rate
+        return math.copysign(by_m_s, math.sin(math.tau * state[0])), rate
+
+    promised = replace(Broken.declared, speed_noise_m_s=promised_m_s)
+    parts: dict[str, Any] = {"declared": promised, "caught_by": "", "_connect": with_control(edit)}
+    return type("Sways", (Broken,), parts)
+
+
+@pytest.mark.parametrize(
+    ("by_m_s", "promised_m_s", "verdict"),
+    [(0.02, 0.03, Verdict.PASS), (0.02, 0.0, Verdict.FAIL), (0.1, 0.2, Verdict.FAIL)],
+    ids=["promised", "not promised", "more than any noise excuses"],
+)
+def test_a_robot_at_rest_moves_by_the_truth_as_its_velocity_is_promised_to_be_off(
+    by_m_s: float, promised_m_s: float, verdict: Verdict
+) -> None:
+    record = judge(SimulatedHarness(sways(by_m_s, promised_m_s)), [CLAUSES["truth.goto.holds"]])
+    assert [each.verdict for each in record.outcomes] == [verdict], record.outcomes
 
 
 class Unlike(InProcessHarness):

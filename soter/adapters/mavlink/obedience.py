@@ -101,6 +101,10 @@ class Obedience:
         if obeyed and self.disobeys:
             self._by_itself = now_s - self._failed_s <= _TOOK_S
 
+    def look_for_place(self) -> None:
+        """Update `astray` alone, for a vehicle that is made ready again, which may take much longer."""
+        self.astray = self._lost_its_way()
+
     @property
     def may_be_taken_back(self) -> bool:
         """Whether the vehicle left its mode by itself, and the cause is gone. What a pilot took stays the pilot's."""

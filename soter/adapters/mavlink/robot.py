@@ -83,6 +83,7 @@ class MavlinkRobot(Robot):
         self._charge = Controller.SC
         self._leg: TargetLeg | None = None
         self._halted_at: tuple[float, float, float] | None = None
+        self._sent_to: tuple[float, float, float] | None = None
         self._halted_s: float | None = None
         self._turns = False
         self._refusal = ""
@@ -158,6 +159,8 @@ class MavlinkRobot(Robot):
         obedience = self._obedience
         if self._preparation.ready:
             obedience.look()
+        elif obedience.astray:
+            obedience.look_for_place()
         # A position that the EKF itself does not trust is not used: the latest sample ages instead.
         return self._sampler.latest if obedience.astray else self._sampler.sample()
 
@@ -258,7 +261,7 @@ class MavlinkRobot(Robot):
         frame = self._sampler.frame = self._frame(preparation.origin)
         self._setpoints.begin(frame)
         self._sampler.flies = kind.flies
-        self._halted_at = self._halted_s = None
+        self._halted_at = self._halted_s = self._sent_to = None
         self._gated = preparation.gated is True
         self._obedience.begin(preparation.origin, gated=self._gated)
         logger.info(
@@ -329,7 +332,7 @@ class MavlinkRobot(Robot):
                 self._setpoints.turn(self._charge, at.x_m, at.y_m, heading_rad)
                 return
         ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s) * fastest_m_s / promised.v_max_m_s
-        place = way.ahead(at, ahead_m)
+        place = self._sent_to = way.ahead(at, ahead_m)
         self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
         # ArduCopter forgets its limit with the first place after a velocity, ArduRover refuses one before it.
         self._setpoints.cap_speed(target.speed_m_s)
@@ -337,20 +340,23 @@ class MavlinkRobot(Robot):
     def _stand(self, at: RobotState | None) -> None:
         """Tell the vehicle to stop and stay, as the active controller.
 
-        An ArduCopter without a gate is sent the place where it can stop, once its position is known. When it is sent a
-        velocity after a place, or a place after a velocity, it goes on accelerating or braking as it did then, as if
-        the wind had to be held out against, and comes up to twice its speed limit.
+        An ArduCopter without a gate is sent the place where it can stop, or the last place while its samples are late.
+        When it is sent a velocity after a place, or a place after a velocity, it goes on accelerating or braking as it
+        did then, as if the wind had to be held out against, and comes up to twice its speed limit.
         """
         if self._gated or self._vehicle.kind != ARDUCOPTER or not self._preparation.ready:
             self._setpoints.stand(self._charge)
             return
-        if at is None or self._is_late(at) or self._brakes:
-            self._halted_at = None
+        place = None
+        if at is not None and not self._brakes:
+            place = self._halted_at or (self._sent_to if self._is_late(at) else self._stopping_place(at))
+        self._halted_at = self._sent_to = place
+        if place is None:
             self._halted_s = self.clock.now() if self._halted_s is None else self._halted_s
             self._setpoints.stand(self._charge)
             return
-        self._halted_at, self._halted_s = self._halted_at or self._stopping_place(at), None
-        self._setpoints.stand_at(self._charge, *self._halted_at)
+        self._halted_s = None
+        self._setpoints.stand_at(self._charge, *place)
 
     def _stopping_place(self, at: RobotState) -> tuple[float, float, float]:
         """Return where a vehicle comes to rest that brakes as promised."""

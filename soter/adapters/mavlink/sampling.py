@@ -25,6 +25,9 @@ _QUICK: Final = 1.5
 _QUICK_S: Final = 0.0005
 _BEHIND_S: Final = 0.02
 _REBOOT_S: Final = 1.0
+_LATE_S: Final = 10.0
+"""A link holds messages back for no longer than this."""
+
 _APART_S: Final = 2.0
 _DEAF_REQUESTS: Final = 10
 _SETTLED: Final = 5
@@ -39,7 +42,8 @@ class TimeSync:
 
     A request carries the time at which it was sent, and the answer the vehicle's time in between, so that the offset of
     the two clocks is known within half of the round trip at any speed-up. Only quick answers are used. If a clock shows
-    less than it must by then, the vehicle has rebooted or the clock stood still.
+    less than it must by then, the vehicle has rebooted or the clock stood still. Samples that a link has held back, and
+    that come once later ones have overtaken them, are neither.
 
     The receiving thread calls the hooks, the supervisor's thread everything else.
 
@@ -57,6 +61,7 @@ class TimeSync:
         self._answered = 0
         self._believed = 0
         self._newest_stamp_s = 0.0
+        self._held_back_s = math.inf, -math.inf
         self._rebooted_s: Final[deque[float]] = deque(maxlen=_OFTEN)
         self.reboots = 0
         self.two = False
@@ -112,7 +117,12 @@ class TimeSync:
 
     def _hear_sample(self, message: Any, received_s: float) -> None:
         stamp_s = message.time_boot_ms * 1e-3
-        if stamp_s < self._newest_stamp_s - _REBOOT_S:
+        ahead_s = stamp_s - self._newest_stamp_s
+        from_s, until_s = self._held_back_s
+        if self.settled and _REBOOT_S < ahead_s <= _LATE_S:
+            # What it sent in between may still come, for as long as it was held back.
+            self._held_back_s = self._newest_stamp_s, received_s + ahead_s / self._clock.rate
+        elif ahead_s < -_REBOOT_S and not (stamp_s >= from_s and received_s <= until_s):
             self._reboot(stamp_s)
         elif stamp_s < self._newest_stamp_s:
             return

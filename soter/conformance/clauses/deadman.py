@@ -65,7 +65,7 @@ def silence(bench: Bench) -> None:
     later = bench.look(robot)
     slipped = later.distance_m(rest.x_m, rest.y_m)
     bench.require(
-        slipped <= bench.still_m,
+        slipped <= bench.held_m,
         f"{allowed_s:.2f} s after the last call it still moves, {slipped:.3f} m within another second: the last "
         "set-point is repeated for ever, or a timer or thread renews the lease" + _RENEWED,
     )
@@ -184,7 +184,7 @@ def _renews_nothing(bench: Bench, robot: Robot, call: Callable[[], object], what
     later = bench.look(robot)
     slipped = later.distance_m(rest.x_m, rest.y_m)
     bench.require(
-        slipped <= bench.still_m,
+        slipped <= bench.held_m,
         f"{allowed_s:.2f} s after the last renewal it still moves while {what}, {slipped:.3f} m within half a second: "
         f"what is no renewal renews the lease{_RENEWED}",
     )

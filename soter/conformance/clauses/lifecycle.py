@@ -110,7 +110,7 @@ def _closes_at_rest(bench: Bench, robot: Robot, *others: Robot) -> None:
     end_x_m, end_y_m, end_rad = bench.true_pose(robot.id)
     slipped, turned = math.hypot(end_x_m - x_m, end_y_m - y_m), abs(turn(heading_rad, end_rad))
     bench.require(
-        slipped <= bench.still_m and turned <= bench.still_rad,
+        slipped <= bench.held_m and turned <= bench.still_rad,
         f"it moved on by {slipped:.3f} m and {turned:.2f} rad in the second after close() returned: _disconnect() must "
         "stop the vehicle and wait until it stands",
     )

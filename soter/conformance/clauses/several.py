@@ -97,7 +97,7 @@ def goto(bench: Bench) -> None:
         for other, was in before:
             moved = bench.look(other).distance_m(was.x_m, was.y_m)
             bench.require(
-                moved <= bench.still_m,
+                moved <= bench.held_m,
                 f"a goto to robot {mover.id} moved robot {other.id} by {moved:.2f} m: commands are addressed to the "
                 "wrong robot or broadcast, or goals are kept by their ids, which count anew for each robot",
             )
@@ -223,7 +223,7 @@ def lease(bench: Bench) -> None:
     later = bench.look(last)
     moved = later.distance_m(rest.x_m, rest.y_m)
     bench.require(
-        moved <= bench.still_m,
+        moved <= bench.held_m,
         f"robot {last.id} went on by {moved:.2f} m without a renewal while the others were renewed: the lease is the "
         "fleet's instead of the robot's",
     )

@@ -285,3 +285,20 @@ def test_an_ekf_that_says_no_more_whether_it_knows_where_it_is_is_not_believed(p
     puppet.tells_ekf = True
     tick(puppet, robot, 2)
     assert robot.read_state().age_s(robot.clock.now()) < 0.1
+
+
+def test_where_a_robot_is_is_known_again_long_before_it_is_ready_again(puppet: Puppet) -> None:
+    puppet.gate = False
+    robot = ready(puppet)
+    puppet.silent = True
+    tick(puppet, robot, 100)
+    # Its places are heard a little earlier than its heartbeat and its EKF, and its own fail-safe has acted.
+    stamp = {"time_boot_ms": round(puppet.clock_s * 1e3)}
+    puppet.say("LOCAL_POSITION_NED", **stamp, x=1.0, y=1.0, z=0.0, vx=0.0, vy=0.0, vz=0.0)
+    tick(puppet, robot)
+    puppet.silent, puppet.armed, puppet.refuses_to_arm, puppet.x_m = False, False, "PreArm: not yet", 2.0
+    tick(puppet, robot, 40)
+    state = robot.read_state()
+    assert puppet.clock_s - state.vehicle_stamp_s < 0.1
+    assert state.x_m == 2.0
+    assert not puppet.armed

@@ -164,6 +164,35 @@ def test_what_was_overtaken_is_no_reboot() -> None:
     assert rig.sync.settled
 
 
+def test_samples_that_a_link_has_held_back_are_no_reboots_and_no_second_vehicle() -> None:
+    rig = Rig()
+    rig.settle(40)
+    for number in range(60):
+        # From here on samples come at once, beside those that were sent up to 1.5 s before them.
+        rig.time.now_s += 1.5 if number == 0 else 0.05
+        rig.sample()
+        if number < 30:
+            late_s = rig.vehicle_s - 1.45
+            rig.inbox.put("ATTITUDE", SimpleNamespace(time_boot_ms=round(late_s * 1e3)), rig.time())
+        rig.ask()
+    assert (rig.sync.reboots, rig.sync.two) == (0, False)
+    assert abs(rig.off_s) <= 0.002
+    rig.booted_s = rig.time.now_s - 0.2
+    rig.sample()
+    assert rig.sync.reboots == 1
+
+
+def test_a_second_vehicle_that_booted_a_little_earlier_is_not_taken_for_samples_held_back_for_long() -> None:
+    rig = Rig()
+    rig.settle()
+    first_s = rig.booted_s
+    for number in range(300):
+        rig.booted_s = first_s - (5.0 if number % 2 else 0.0)
+        rig.time.now_s += 0.05
+        rig.sample()
+    assert rig.sync.two
+
+
 def test_who_does_not_answer_is_timed_by_samples() -> None:
     rig = Rig()
     for _ in range(20):
