@@ -197,6 +197,17 @@ def check_all(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
                     "margin, and peers move as well; PairBound(kit.model, kit.peer_model) would do, or a rule without "
                     "peers",
                 )
+            if of_users and region is not None:
+                later = begins.copy()
+                later.now_s = mission.duration_s
+                if (then := margin_of(region, later)) != (now := margin_of(region, begins)):
+                    raise IllFormedModule(
+                        module.name,
+                        "P3",
+                        f"its rule depends on the time: where robot {robot_id} starts its margin is {now:.3f} "
+                        f"{region.unit} at 0 s and {then:.3f} {region.unit} at {later.now_s:g} s, and its model bounds "
+                        "what robots take from it; a rule without now_s would do",
+                    )
             if not (of_users and charges and isinstance(safer, Region)):
                 continue
             if why := no_answer(safer, docked):

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from soter.check.node_failures import failures_of_nodes
 from soter.check.stand_in import declared_faults, stand_ins
-from soter.check.trial import Attempt
+from soter.check.trial import Attempt, Vector
 from soter.check.trial_run import TrialRun, module_of
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError
@@ -163,6 +163,19 @@ class ModuleBench:
         with self._open(specs) as fleet, failures_of_nodes() as failures:
             safety = assemble(self._mission, self.workspace, fleet.robots, lambda _: None)
             return TrialRun(self, safety, fleet, self._commands(vector), failures).trial()
+
+    @property
+    def own_start(self) -> Vector | None:
+        """The point at which robots begin where the mission has them; None for collisions, which begin side by side."""
+        if self.name == COLLISION:
+            return None
+        low_x, low_y, high_x, high_y = self.workspace.bounds
+        point: list[float] = []
+        for place in self.workspace.robots:
+            along, across = (place.x_m - low_x) / (high_x - low_x), (place.y_m - low_y) / (high_y - low_y)
+            turn = place.heading_rad / math.tau % 1.0
+            point += [along, across, turn, *([1.0] if self._charges else []), *[0.5] * (2 * SEGMENTS)]
+        return tuple(point)
 
     @contextmanager
     def _open(self, specs: Sequence[RobotSpec]) -> Iterator[Fleet]:

@@ -17,9 +17,7 @@ import numpy as np
 
 from soter.check.bench import ModuleBench
 from soter.check.conditions import Certainty, Finding
-from soter.check.trial import Attempt, BrokenObligation, Obligation
-
-Vector = tuple[float, ...]
+from soter.check.trial import Attempt, BrokenObligation, Obligation, Vector
 
 BATCH: Final = 20
 """Number of points drawn from one distribution before it is fitted anew."""
@@ -105,8 +103,8 @@ def falsify(
 ) -> tuple[list[Finding], list[Falsified]]:
     """Try to break P2a, P2b and P3 of one module.
 
-    Half of the budget searches for the least margin, half for the longest time to come back; every trial counts for
-    all obligations.
+    The first trial begins where the mission has its robots. Half of the others search for the least margin, half for
+    the longest time to come back; every trial counts for all obligations.
 
     `budget` is the largest number of trials, and `on_trial` is called with the number of trials done.
 
@@ -128,8 +126,10 @@ def falsify(
 
         return score
 
+    if (begin := subject.own_start) is not None and scored(Obligation.P2A)(begin) < 0.0:
+        return _findings(subject, trials), _broken(trials)
     half = max(1, budget // 2)
-    search(scored(Obligation.P2A), subject.dimensions, half, seed)
+    search(scored(Obligation.P2A), subject.dimensions, max(1, half - len(trials)), seed)
     known = [(vector, trial.score(Obligation.P2B)) for vector, trial in trials]
     if not any(value < 0.0 for _, value in known):
         search(scored(Obligation.P2B), subject.dimensions, max(1, budget - half), seed + 1, known)

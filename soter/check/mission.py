@@ -132,10 +132,11 @@ def admitted(
     admission = admit_declared(mission, declared, promised)
     own = [name for name in mission.rta.order if name in mission.rta.module]
     missing, tell = admission.unproved, on_progress or (lambda _: None)
-    for name in admission.untried(own):
-        if unproved:
+    # A user's safe controller may break the rule of the shipped module that is tried, too.
+    for name in admission.untried(mission.rta.order if own else ()):
+        if unproved and name in own:
             missing += [Finding(name, condition, Certainty.ASSUMED, "it was not tried") for condition in ("P2a", "P2b")]
-        elif not missing:
+        elif not missing and not unproved:
             tried = try_module(mission, workspace, _patience_s(declared, promised), name, BUDGET, 0, tell)
             missing += [each for each in tried.findings if each.verdict is Certainty.REJECTED or each.is_gap(own)]
     if missing and not unproved:
@@ -224,4 +225,5 @@ def check_module(
 
 
 def _counted(tell: Progress, name: str, budget: int) -> Callable[[int], None]:
-    return lambda done: tell(f"{name}: trial {done} of at most {budget}")
+    tell(f"{name}: trial 1 of at most {budget}")
+    return lambda done: tell(f"{name}: trial {min(done + 1, budget)} of at most {budget}")

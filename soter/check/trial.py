@@ -18,6 +18,9 @@ import msgspec
 from soter.errors import ConfigError
 from soter.problems import read_limited
 
+Vector = tuple[float, ...]
+"""A point of the unit cube, which decides all of a trial."""
+
 
 class Obligation(Enum):
     """An obligation that a trial can break."""

@@ -168,7 +168,8 @@ class TrialRun:
             margin = self._rules.margin.get((robot_id, name), math.nan)
             driver = Controller.AC.value if robot.driver is None else robot.driver.name
             self._rows.append(TrialRow(now_s, robot_id, x_m, y_m, heading_rad, own.battery, margin, driver))
-            if margin < -_TOLERANCE:
+            # Written so that NaN counts as outside, as in a run; before the first look there is no margin.
+            if (robot_id, name) in self._rules.margin and not margin >= -_TOLERANCE:
                 self._breaches.append(self._left(now_s, robot_id, margin, x_m, y_m))
             since_s = self._in_sc_since_s.get(robot_id)
             if since_s is not None and now_s - since_s > self._bench.patience_s:
@@ -185,7 +186,8 @@ class TrialRun:
         unit = "" if region is None else f" {region.unit}"
         since_s = self._in_sc_since_s.get(robot_id)
         braking_s = capabilities.latency_s + capabilities.v_max_m_s / capabilities.brake_m_s2 + self._bench.base_tick_s
-        where = f"robot {robot_id} at ({x_m:.2f}, {y_m:.2f}) left phi_safe by {-margin:.3f}{unit} after {now_s:.2f} s"
+        left = "has a margin that is no number" if math.isnan(margin) else f"left phi_safe by {-margin:.3f}{unit}"
+        where = f"robot {robot_id} at ({x_m:.2f}, {y_m:.2f}) {left} after {now_s:.2f} s"
         if since_s is None:
             # How far it was just before says whether the AC was trusted too long, or the margin leapt.
             margins = [row.margin for row in self._rows if row.robot_id == robot_id]

@@ -226,12 +226,14 @@ def _sum_up(campaign: Campaign, store: Store, console: Console) -> int:
     from soter.cli.console import print_table
     from soter.sdk import RULES
 
-    found = [cells(group)[:_SHOWN] for group in groups(store.rows())]
+    grouped = list(groups(store.rows()))
+    found = [cells(group)[:_SHOWN] for group in grouped]
+    rules = dict.fromkeys(rule for group in grouped for rule in group.rules()) or RULES
     # The other figures are in the store, and on the page of `soter campaign report`.
     head = ("part and setting", "runs", "robot-\nhours", "violations", "at most per\nrobot-hour", "AC\nshare")
     rows = [(f"{part} {setting}", runs.replace(", ", "\n"), *others) for part, setting, runs, *others in found]
     print_table(console, head, rows)
-    console.print(f"violations: {' / '.join(RULES)}", soft_wrap=True)
+    console.print(f"violations: {' / '.join(rules)}", soft_wrap=True)
     judged = judge(campaign, store)
     for part, each in judged.items():
         for one in each:

@@ -48,10 +48,40 @@ class RobotSupervisor:
 
     # With more than 30 attributes in a dict, CPython finds each of them more slowly.
     __slots__ = (
-        "_ac", "_alarm", "_alarmed_until_s", "_announced_ac", "_disobeyed_until_s", "_disowned", "_handed_over_s",
-        "_heard_within_s", "_held", "_lateness_s", "_looked_s", "_owed", "_peer_unsure", "_refused", "_reports",
-        "_samples", "_sent", "_stop", "_stop_owed", "_timing", "_was_held", "_watches", "_waypoint", "_without_ac",
-        "ac_failure", "actuator", "decide_s", "driver", "log", "mode", "modules", "robot_id", "situation",
+        "_ac",
+        "_accounts",
+        "_alarm",
+        "_alarmed_until_s",
+        "_announced_ac",
+        "_disobeyed_until_s",
+        "_disowned",
+        "_handed_over_s",
+        "_heard_within_s",
+        "_held",
+        "_lateness_s",
+        "_looked_s",
+        "_owed",
+        "_peer_unsure",
+        "_refused",
+        "_reports",
+        "_samples",
+        "_sent",
+        "_stop",
+        "_stop_owed",
+        "_timing",
+        "_was_held",
+        "_watches",
+        "_waypoint",
+        "_without_ac",
+        "ac_failure",
+        "actuator",
+        "decide_s",
+        "driver",
+        "log",
+        "mode",
+        "modules",
+        "robot_id",
+        "situation",
         "uncontrolled",
     )  # fmt: skip
 
@@ -83,6 +113,7 @@ class RobotSupervisor:
         self._alarm = ""
         self._alarmed_until_s = -math.inf
         self._refused = self._stop_owed = False
+        self._accounts: dict[str, str] = {}
         self._owed: tuple[str, str] | None = None
         self._looked_s = [math.nan] * len(self.modules)
         self._announced_ac = False
@@ -401,7 +432,10 @@ class RobotSupervisor:
                 self._isolate(driver.module.sc, failure)
 
     def _isolate(self, node: Node, failure: BaseException) -> None:
-        logger.error("robot %d: node '%s' failed", self.robot_id, node.name, exc_info=failure)
+        # One that fails in the same way at every tick would fill the disk.
+        if self._accounts.get(node.name) != (account := account_of(failure)):
+            self._accounts[node.name] = account
+            logger.error("robot %d: node '%s' failed", self.robot_id, node.name, exc_info=failure)
         self._drive(None)
         if self.mode is AC:
-            self.fail_ac(f"AC failed: {account_of(failure)}")
+            self.fail_ac(f"AC failed: {account}")

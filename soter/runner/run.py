@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -12,7 +13,7 @@ from soter.check.admission import refused_at
 from soter.check.mission import admitted
 from soter.clock import VehicleClock
 from soter.config import MissionFile
-from soter.errors import ConfigError, IllFormedModule
+from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.geometry.workspace import Workspace
 from soter.record.recorder import Recorder
@@ -26,7 +27,7 @@ from soter.runner.peer_session import PeerSession
 from soter.runner.progress import Follower
 from soter.runner.remote_host import RemoteMissionHost
 from soter.runner.result import Run
-from soter.runner.watchdog import SLOW_S, CutOff, Watchdog
+from soter.runner.watchdog import BEGIN_S, SLOW_S, CutOff, Watchdog
 from soter.sdk import Fleet
 from soter.specs import asked, promises, read_options, robot_specs
 from soter.stack.assembly import Study
@@ -87,10 +88,10 @@ def run_mission(
     declared = backend_class.robot_class.declared
     unasked = nullcontext if declared.in_process or follower.connecting is None else follower.connecting
     # Proofs take seconds in a large world, trials many. Studies ask about modules that are not proved.
-    with (follower.connecting or nullcontext)():
+    with (follower.connecting or nullcontext)(), _watched_trials(follower) as tell:
         unproved = admitted(
             mission, workspace, backend_class, config, ill_formed=study is not None and study.on_ill_formed is not None,
-            unproved=accept_unproved or study is not None, on_progress=follower.trying,
+            unproved=accept_unproved or study is not None, on_progress=tell,
         )  # fmt: skip
     with ExitStack() as stack:
         if study is not None and not declared.in_process:
@@ -139,6 +140,26 @@ def run_mission(
         if recorder is not None:
             recorder.finish(run.result.model_dump_json(indent=2).encode())
     return run if recorder is None else replace(run, recording=recorder.close())
+
+
+@contextmanager
+def _watched_trials(follower: Follower) -> Iterator[Callable[[str], None]]:
+    """Yield what is to be called before each trial of a user's module: none may block, or keep a run from its end."""
+    with Watchdog() as watchdog:
+
+        def tell(text: str) -> None:
+            watchdog.ticks += 1
+            watchdog.phase = f"{text}, which", BEGIN_S
+            watchdog.check()
+            if follower.stop():
+                raise KeyboardInterrupt
+            if follower.trying is not None:
+                follower.trying(text)
+
+        try:
+            yield tell
+        except CutOff as failure:
+            raise RunFailed(str(failure)) from failure
 
 
 def _end(host: MissionHost, watchdog: Watchdog) -> None:

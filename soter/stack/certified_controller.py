@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Final
 
 from soter.rta import RTAModule, Situation, Topic
@@ -55,28 +57,54 @@ class CertifiedController(SafeController):
             # A robot that switches between the battery's module and this one counts as kept all the time.
             self._kept_since_s = situation.now_s
         self._kept_from_charging = self._dock.wants_charge
-        self.inner.engage(situation.copy())
+        with self._only_wishes():
+            self.inner.engage(situation.copy())
 
     def motion(self, situation: Situation) -> Leg | None:
         if not self._engaged:
             # The first driver of a run is never engaged by a switch.
             self.engage(situation)
         self._drove_s = situation.now_s
-        self.inner.step(situation.copy())
-        wanted = self._wanted.value
-        speed_m_s = wanted.speed_m_s if isinstance(wanted, Waypoint) else None
+        wanted, failure = self._ask(situation)
         leg = self._out_of_the_way(situation)
         if leg is None and self._has_to_let_go(situation):
             leg = self._home.leg_home(situation)
         if leg is not None:
-            return leg._replace(speed_m_s=speed_m_s)
+            return leg if wanted is None else leg._replace(speed_m_s=wanted.speed_m_s)
+        if failure is not None:
+            raise failure
         if wanted is None:
             return self.recovery.hold(situation)
-        if not isinstance(wanted, Waypoint):
-            raise TypeError(f"the safe controller '{self.name}' published a {type(wanted).__name__}, not a Waypoint")
-        wanted.check()
         leg = self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
         return None if leg is None else leg._replace(speed_m_s=wanted.speed_m_s)
+
+    def _ask(self, situation: Situation) -> tuple[Waypoint | None, BaseException | None]:
+        """Return where the inner node wants to go, and what it raised: its contract is kept whatever it does."""
+        try:
+            with self._only_wishes():
+                self.inner.step(situation.copy())
+            wanted = self._wanted.value
+            if wanted is not None and not isinstance(wanted, Waypoint):
+                raise TypeError(
+                    f"the safe controller '{self.name}' published a {type(wanted).__name__}, not a Waypoint"
+                )
+            if wanted is not None:
+                wanted.check()
+        except KeyboardInterrupt:
+            raise
+        except BaseException as failure:  # noqa: BLE001 - foreign code
+            return None, failure
+        return wanted, None
+
+    @contextmanager
+    def _only_wishes(self) -> Iterator[None]:
+        """Refuse what the inner node publishes past this one: nobody has certified it."""
+        before = self.waypoint.count
+        yield
+        if self.waypoint.count != before:
+            raise PermissionError(
+                f"the safe controller '{self.name}' published on the robot's own topic, not the kit's"
+            )
 
     def _has_to_let_go(self, situation: Situation) -> bool:
         """Return whether the robot has stood, or the battery's module has waited, as long as the contract allows."""

@@ -47,6 +47,24 @@ class EastOrSlow(EastOf):
 
 
 @dataclass(frozen=True)
+class Later(EastOf):
+    """Grows with time."""
+
+    def margin(self, situation: Situation) -> float:
+        return super().margin(situation) - 0.001 * situation.now_s
+
+
+@dataclass(frozen=True)
+class UnknownWhenFast(EastOf):
+    """Says nothing of a robot that is fast in the north, away from where it starts."""
+
+    def margin(self, situation: Situation) -> float:
+        own = situation.own
+        fast = math.hypot(own.vx_m_s, own.vy_m_s) > 0.12
+        return math.nan if fast and own.y_m > 3.5 else super().margin(situation)
+
+
+@dataclass(frozen=True)
 class WestOf(Region):
     most_m: float
 
@@ -112,6 +130,28 @@ def right(kit: ModuleKit) -> RTAModule:
 def beside_the_fence(kit: ModuleKit) -> RTAModule:
     """Gives robots back only where the geofence module does not."""
     return replace(_made(kit, west), phi_safe=WestOf(0.55), phi_safer=WestOf(0.42 - REACH_M))
+
+
+def grows_with_time(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), phi_safe=Later(), phi_safer=Later(1.0 + REACH_M + 0.1))
+
+
+def says_nothing_of_fast_robots(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), phi_safe=UnknownWhenFast())
+
+
+def sc_holds_where_the_mission_begins(kit: ModuleKit) -> RTAModule:
+    """Fails in a place that hardly any drawn trial begins in."""
+
+    def motion(situation: Situation) -> Waypoint | None:
+        at = situation.own.x_m, situation.own.y_m
+        return None if math.dist(at, (1.5, 1.5)) < 0.01 else east(situation)
+
+    return replace(_made(kit, motion), phi_safe=EastOf(1.4999), phi_safer=EastOf(1.4999 + REACH_M + 0.1))
+
+
+def holds_for_ever(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), lets_go_s=1e6)
 
 
 def sc_leaves(kit: ModuleKit) -> RTAModule:

@@ -35,6 +35,8 @@ PLANTED = [
     ("sc_raises", "P2b", 5),
     ("looks_one_delta", "P3", 60),
     ("never_looks", "P3", 20),
+    ("says_nothing_of_fast_robots", "P3", 60),
+    ("sc_holds_where_the_mission_begins", "P2b", 1),
 ]
 
 

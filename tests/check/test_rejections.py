@@ -170,6 +170,12 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
     "its rule does not hold where robot 1 starts, at (0.5, 1): the margin is -0.500 m": (
         "A13", lambda: users_rule(["geofence"], RobotPlace(1, 0.5, 1.0, Box(0.8, 0.8, 1.2, 1.2))),
     ),
+    "its rule depends on the time: where robot": (
+        "P3", lambda: users_rule(["geofence"], EAST, name="grows_with_time"),
+    ),
+    "lets_go_s is 1e+06, allowed: 0 to 3600": (
+        "P2c", lambda: users_rule(["geofence"], EAST, name="holds_for_ever"),
+    ),
     "its rule looks at situation.peers, but its model": (
         "P3", lambda: users_rule(
             ["geofence"], RobotPlace(1, 2.0, 1.0, Box(1.8, 0.8, 2.2, 1.2)),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from soter.check.falsify import Vector, search
+from soter.check.falsify import search
 
 
 def tried(

@@ -87,6 +87,15 @@ def test_a_safe_controller_that_raises_leaves_the_robot_stopped() -> None:
     assert rig.tick()[0][1].startswith("a ")
 
 
+def test_a_safe_controller_that_raises_at_every_step_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig("a")
+    rig.start()
+    rig.rules["a"].value = 0.0
+    rig.scs["a"].failing = True
+    rig.tick(50)
+    assert sum("failed" in record.message for record in caplog.records) == 1
+
+
 def test_a_safe_controller_that_cannot_engage_leaves_the_robot_stopped() -> None:
     rig = Rig("a")
     rig.start()

@@ -21,6 +21,7 @@ from soter.stack.battery import GoHome
 from soter.stack.certified_controller import CertifiedController
 from soter.stack.declaration import Declared
 from soter.stack.modules import BUILT_IN, geofence
+from soter.stack.recovery import Leg
 from soter.stack.right_of_way import RightOfWay
 from soter.stack.safe_controller import SafeController
 from tests.project.source import ROOT
@@ -46,6 +47,17 @@ def within(kit: ModuleKit) -> RTAModule:
 
 def homing(kit: ModuleKit) -> RTAModule:
     return replace(within(kit), sc=kit.home)
+
+
+class Elsewhere(GoHome):
+    """Goes home by legs that nobody certified."""
+
+    def motion(self, situation: Situation) -> Any:
+        return Leg(4.0, 4.0)
+
+
+def homing_elsewhere(kit: ModuleKit) -> RTAModule:
+    return replace(within(kit), sc=Elsewhere(kit.tick_s, Topic("waypoint"), kit.recovery, kit.dock))
 
 
 class Uncertified(SafeController):
@@ -75,7 +87,9 @@ def test_a_registered_module_is_declared_by_its_name(monkeypatch: pytest.MonkeyP
 
 def test_one_whose_safe_controller_drives_home_needs_nobody_to_hold_it_to_the_contract() -> None:
     mine = declared(**own(f"{__name__}:homing")).module("mine")
-    assert isinstance(mine.sc, GoHome)
+    assert type(mine.sc) is GoHome
+    other = declared(**own(f"{__name__}:homing_elsewhere")).module("mine")
+    assert isinstance(other.sc, CertifiedController), "a subclass may do anything"
 
 
 def test_a_shipped_module_may_be_had_twice_with_options_of_its_own() -> None:

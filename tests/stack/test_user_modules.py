@@ -162,11 +162,14 @@ class Wants(Node):
     def __init__(self, topic: Topic[object], wanted: object) -> None:
         self.topic, self.wanted = topic, wanted
         self.engaged = 0
+        self.failure: BaseException | None = None
 
     def engage(self, situation: Situation) -> None:
         self.engaged += 1
 
     def step(self, situation: Situation) -> None:
+        if self.failure is not None:
+            raise self.failure
         self.topic.publish(self.wanted)
 
 
@@ -301,6 +304,26 @@ def test_one_that_stands_lets_the_robot_go_home_after_as_long_as_its_contract_sa
         assert (out.value is not None) == goes
     assert out.value is not None
     assert math.dist((out.value.x_m, out.value.y_m), (1.0, 1.0)) < math.dist((4.0, 1.5), (1.0, 1.0))
+
+
+def test_one_that_raises_at_every_step_lets_the_robot_go_home_all_the_same() -> None:
+    node, out, inner = certified(None)
+    inner.failure = ZeroDivisionError("at every step")
+    own = At(4.0, 1.5)
+    node.engage(seen(own))
+    for now_s in (0.0, 29.9):
+        with pytest.raises(ZeroDivisionError):
+            node.step(seen(own._replace(stamp_s=now_s), now_s=now_s))
+    node.step(seen(own._replace(stamp_s=30.2), now_s=30.2))
+    assert out.value is not None
+
+
+def test_one_that_publishes_on_the_robots_own_topic_is_refused() -> None:
+    node, out, inner = certified(None)
+    inner.topic = cast("Topic[object]", out)
+    inner.wanted = Waypoint(9.0, 9.0)
+    with pytest.raises(PermissionError, match="published on the robot's own topic"):
+        node.step(seen(At(4.0, 1.5)))
 
 
 @pytest.mark.parametrize("starves", [True, False])

@@ -86,7 +86,12 @@ def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -
     function = load_named(named, refused)
     if isinstance(function, RTAModule):
         check_usable(function, kit.name, target, kit.timing, refused)
-        return _copied(function, target, kit, waypoint, refused)
+        try:
+            return _copied(function, target, kit, waypoint, refused)
+        except (ConfigError, KeyboardInterrupt):
+            raise
+        except BaseException as failure:  # foreign code
+            raise refused(f"'{target}' cannot be copied for each robot: {account_of(failure)}") from failure
     if not callable(function):
         raise refused(f"'{target}' is a {type(function).__name__}, allowed: a function that takes a ModuleKit")
     arguments: list[Any] = [kit]
@@ -122,7 +127,7 @@ def _bound(made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[
         made = replace(made, lets_go_s=LETS_GO_S)
     if isinstance(made.sc, SafeController):
         # The shipped ones drive the return path themselves; of a user's, the wrapper keeps the contract.
-        drives_home = kit.name in BUILT_IN or isinstance(made.sc, GoHome)
+        drives_home = kit.name in BUILT_IN or type(made.sc) is GoHome
         made.sc.waypoint = waypoint if drives_home else wanted
         if drives_home:
             return replace(made, name=kit.name)

@@ -16,6 +16,9 @@ from soter.rta.module import plain
 LONGEST_DELTA_S: Final = 60.0
 """Longest Delta, as in the tables of the shipped modules."""
 
+LONGEST_HOLD_S: Final = 3600.0
+"""Longest `lets_go_s`."""
+
 _NUMBER: Final = (Real, "a number")
 _TYPES: Final[Mapping[str, tuple[type | UnionType, str]]] = {
     **dict.fromkeys(("delta_s", "dwell_s", "keep", "lets_go_s", "peers_within_m"), _NUMBER),
@@ -52,6 +55,8 @@ def check_usable(
         raise IllFormedModule(
             name, "P1a", f"delta_s is {made.delta_s:g}, allowed: above 0, at most {LONGEST_DELTA_S:g}"
         )
+    if LONGEST_HOLD_S < made.lets_go_s < math.inf:
+        raise IllFormedModule(name, "P2c", f"lets_go_s is {made.lets_go_s:g}, allowed: 0 to {LONGEST_HOLD_S:g}")
     for what, ask in _figures(made, timing):
         try:
             figure = plain(ask())
