@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from soter.check.falsify import search
+from soter.check.trial import Vector
 
 
 def tried(
