@@ -32,16 +32,24 @@ WAIT_S = 30.0
 DESKTOP = {"width": 1440, "height": 900}
 
 
+_running: list[Any] = []
+
+
 @contextmanager
 def chromium() -> Iterator[Any]:
-    """The browser, without a window."""
+    """The browser, without a window. Playwright allows one at a time in a process: whoever comes second shares it."""
     from playwright.sync_api import sync_playwright
 
+    if _running:
+        yield _running[0]
+        return
     with sync_playwright() as driver:
         # The sandbox cannot be had as root; the page is our own.
         arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
         started = driver.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        _running.append(started)
         yield started
+        _running.clear()
         started.close()
 
 
