@@ -11,7 +11,7 @@ SHORT_S = 6.0
 
 def test_what_is_accepted_keeps_every_rule_by_both_judges(monkeypatch: pytest.MonkeyPatch) -> None:
     # So many trials of users' modules as a run makes would take longer than all the rest.
-    monkeypatch.setattr("soter.check.mission.BUDGET", 20)
+    monkeypatch.setattr("soter.check.mission.BUDGET", 8)
     found: dict[int, Done] = {}
     for seed in range(1, 73):
         found[seed] = carry_out(Job("random", seed, "", {"seed": seed, "duration_s": SHORT_S}, {}), lambda: False)

@@ -172,9 +172,9 @@ def test_a_module_that_trials_break_is_refused_as_it_is_rejected(
         'workspace = "floor.toml"\ntargets = "uniform"\nrta.modules = []\n'
         f'[rta.module.east]\ndeclare = "{PLANTED}:{module}"'
     )
-    monkeypatch.setattr("soter.check.mission.BUDGET", 40)
+    monkeypatch.setattr("soter.check.mission.BUDGET", 12)
     words = [str(mission), "--backend", "kinematic", "--set", "planner=straight-line"]
-    checked = CliRunner().invoke(app, ["check", *words, "--budget", "40"])
+    checked = CliRunner().invoke(app, ["check", *words, "--budget", "12"])
     ran = CliRunner().invoke(app, ["run", *words, "--duration", "1", "--no-record"])
     assert (checked.exit_code, ran.exit_code) == ((1, 2) if text else (0, 0)), (checked.output, ran.output)
     assert re.search(text, " ".join(ran.output.split())), ran.output
