@@ -104,7 +104,7 @@ class LineDisplay:
         """Print what is tried before the run, if a line is due."""
         if time.monotonic() >= self._next_try_s:
             self._next_try_s = time.monotonic() + LINE_EVERY_S
-            self._console.print(f"{text}; {UNTRIED}", soft_wrap=True)
+            self._console.print(f"before it runs, {text}; {UNTRIED}", soft_wrap=True)
 
     def update(self, progress: Progress) -> None:
         """Print a line if one is due."""
@@ -149,7 +149,7 @@ class LiveDisplay:
 
     def trying(self, text: str) -> None:
         """Show what is tried before the run."""
-        self._live.update(Text(f"{text}; {UNTRIED}", "dim"), refresh=True)
+        self._live.update(Text(f"before it runs, {text}; {UNTRIED}", "dim"), refresh=True)
 
     def update(self, progress: Progress) -> None:
         """Draw anew."""

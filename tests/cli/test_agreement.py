@@ -179,6 +179,7 @@ def test_a_module_that_trials_break_is_refused_as_it_is_rejected(
     assert (checked.exit_code, ran.exit_code) == ((1, 2) if text else (0, 0)), (checked.output, ran.output)
     assert re.search(text, " ".join(ran.output.split())), ran.output
     assert not text or "rta.module.east: " in ran.output
+    assert "before it runs, east: trial 1 of at most 12; --accept-unproved does without" in " ".join(ran.output.split())
 
 
 def test_a_number_of_a_ready_made_declaration_that_no_float_holds_is_refused(mission: Path, tmp_path: Path) -> None:
