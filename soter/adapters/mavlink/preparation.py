@@ -63,7 +63,7 @@ class Preparation:
         taken: whether the vehicle is the expected one and was sent requests, so that it has to be left in order.
         ready: whether nothing is missing.
         waits_for: what is missing, in words.
-        gated: whether the vehicle has a gate of its own; None until it has answered.
+        gated: whether the vehicle has a gate of its own; None until it has answered, also after each beginning.
         origin: the origin of the vehicle's EKF; None until it is reported, also after each beginning.
         workspace_origin: the workspace's; without a place on earth it stays at the vehicle's first origin, wherever a
             reboot moves that to. None until it is known.
@@ -96,7 +96,6 @@ class Preparation:
         self._moves = "it does not say how fast it is"
         self.taken = self.ready = self.may_arm = self.armed_it = False
         self.waits_for = "everything"
-        self.gated: bool | None = None
         self.workspace_origin: GeoPoint | Projection | None = config.geo_origin
         self.begin()
 
@@ -104,6 +103,7 @@ class Preparation:
         """Begin, or begin anew: earlier messages of the vehicle do not count."""
         self._since_s = self._vehicle.now_s
         self.origin: GeoPoint | None = None
+        self.gated: bool | None = None
         self._vehicle.parameters.clear()
         self._authority.begin()
         # While the vehicle gets ready, the keeper itself sends its commands.

@@ -177,6 +177,7 @@ class MavlinkRobot(Robot):
     def _renew_lease(self) -> None:
         self._beat([self.id])
         if not self._preparation.ready:
+            self._tell_of_switch()
             raise Uncontrolled(self._refusal or f"it is made ready again, and lacks {self._preparation.why_not()}")
         obedience = self._obedience
         if trouble := obedience.astray or obedience.disobeys:
@@ -289,6 +290,18 @@ class MavlinkRobot(Robot):
             self._vehicle.send(KEEPER, "TIMESYNC", self._time_sync.request())
 
     # --- what it is told -----------------------------------------------------------------------------------
+
+    def _tell_of_switch(self) -> None:
+        """Tell a vehicle that was away, as soon as it is back, that its SC is in charge; its lease stays dead.
+
+        Only while it has no goal and has not been asked yet whether it still has a gate: then nothing can move for it,
+        whatever its clock says, and it drops what the AC had in flight.
+        """
+        if self._gated and self._preparation.gated is None and self._charge is Controller.SC and self._leg is None:
+            # Later than the last renewal: as its clock becomes better known, the same one could be the older.
+            over_s = self._time_sync.to_vehicle_s(self.clock.now() - 2.0 * self.declared.lease_s)
+            if over_s is not None:
+                self._authority.name(SENDERS[Controller.SC], over_s)
 
     def _name(self) -> None:
         """Tell the vehicle the active controller, and when the lease was renewed last."""

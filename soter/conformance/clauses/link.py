@@ -14,6 +14,7 @@ from soter.errors import RobotUnavailable, Uncontrolled
 from soter.sdk import Controller, GoalStatus, Link, Robot
 
 _LOST_S = 4.0
+_GONE_S = 0.2
 _PATIENCE_S = 2.0
 _SILENT_S = 2.0
 _SLACK_S = 1.0
@@ -130,6 +131,8 @@ def stops(bench: Bench) -> None:
     bench.run(caps.lease_s + caps.latency_s + _LOST_S)
     # The goal ends now, so that the robot is still where it stopped by itself when the link is back.
     robot.switch_ac_sc(Controller.SC, "conformance")
+    # It must be lost, not wait where the link is cut.
+    bench.run(_GONE_S)
     bench.harness.restore(robot.id)
     bench.run(5.0, lambda: robot.read_state().link is Link.UP)
     run_m = bench.look(robot).distance_m(before.x_m, before.y_m)

@@ -63,6 +63,29 @@ def test_a_position_from_before_a_reboot_is_not_moved_by_a_turn_from_after_it(pu
         assert robot.read_state().y_m == pytest.approx(before.y_m, abs=0.01)
 
 
+@pytest.mark.parametrize("reboots", [False, True])
+def test_one_that_was_away_hears_of_a_switch_to_its_sc_at_once_and_of_no_renewal(puppet: Puppet, reboots: bool) -> None:
+    robot = ready(puppet)
+    robot.switch_ac_sc(AC, "test")
+    robot.goto(FAR, AC)
+    tick(puppet, robot, 2)
+    assert puppet.master == SENDERS[AC]
+    puppet.silent = True
+    tick(puppet, robot, 120)
+    robot.switch_ac_sc(SC, "test")
+    tick(puppet, robot, 4)
+    puppet.silent = False
+    if reboots:
+        puppet.reboot()
+    puppet.sent.clear()
+    assert len(tick(puppet, robot, 4)) == 4, "it is not ready yet"
+    assert puppet.master == SENDERS[SC]
+    renewed_s = [fields["x"] * 1e-3 for fields in puppet.commands(mav.MAV_CMD_DO_GUIDED_MASTER)]
+    assert not puppet.targets()
+    assert reboots or max(renewed_s) < puppet.clock_s - robot.capabilities.lease_s
+    assert len(tick(puppet, robot, 120)) < 120, "it gets ready all the same"
+
+
 @pytest.mark.parametrize("returns", ["stopped", "rebooted"])
 def test_one_that_is_not_driven_because_it_was_away_is_heard_again_all_the_same(puppet: Puppet, returns: str) -> None:
     puppet.gate = False
