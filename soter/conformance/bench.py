@@ -92,12 +92,17 @@ class Bench(Judging):
             f"the robot stands {off_m:.1f} m from its start, ({spec.x_m:g}, {spec.y_m:g}), outside of its room of "
             f"{room_m:g} m: put it there, or correct its start or the origin",
         )
-        if off_m > max(_BACK * room_m, 2.0 * self.near_m):
+        if off_m > self.back_m:
             start = Waypoint(spec.x_m, spec.y_m, radius_m=2.0 * self.near_m)
             self.go(robot, start, Controller.SC, cause="it does not drive back to its start")
             self.settle()
         self._turned[robot.id] = self.look(robot).heading_rad
         del self.tracks[robot.id][:-1]
+
+    @property
+    def back_m(self) -> float:
+        """How far from its start a robot that the kit did not start may stand before a clause; it is driven so near."""
+        return 0.0 if self.harness.starts_robots else max(_BACK * self.harness.room_m, 2.0 * self.near_m)
 
     def home(self, robot: Robot) -> tuple[float, float, float]:
         """Return where a robot was when the clause began: x_m, y_m, heading_rad; the middle of its room."""

@@ -21,7 +21,7 @@ _CONNECT_S: Final = 90.0
 _CLAUSE_S: Final = 900.0
 _LEAST_ROOM_M: Final = 2.0
 _ROOM_TO_NOISE: Final = 12.0
-_BY_RELAY: Final = ("cut", "delay", "loss", "duplicate", "reorder")
+_BY_RELAY: Final = ("cut", "delay", "loss", "duplicate", "reorder", "garble")
 
 
 @dataclass(frozen=True)
@@ -108,13 +108,15 @@ class GivenHarness(RelayedHarness):
         self._truth: Final[str | None] = getattr(given.config, "truth", None)
 
     def open(self, robots: int) -> Fleet:
-        self.fleet = opened = open_given(self._reached())
+        given = self._reached()
+        self.fleet = opened = load_backend(given.backend)().open(given.config, [given.spec])
         return opened
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         assert self._truth is not None
         self.witness = StreamedTruth(self._truth, VehicleClock())
-        return self.driven(f"{__name__}:{open_given.__name__}", self._reached(), target)
+        reached = base64.b64encode(pickle.dumps(self._reached())).decode()
+        return self.driven(f"{__name__}:{open_given.__name__}", reached, target)
 
     def gives(self, hook: str) -> bool:
         if hook in ("start_driver", "observe"):
@@ -129,15 +131,15 @@ class GivenHarness(RelayedHarness):
             made[0].close()
         return made is not None
 
-    def _reached(self) -> str:
-        """Return how to reach the robot, through a relay if there can be one, as text for another process."""
+    def _reached(self) -> Given:
+        """Return the robot with options that lead to it, through a relay if there can be one."""
         made, config = self._between(self._given.config), self._given.config
         if made is not None:
             self.relay, config = made
-        return base64.b64encode(pickle.dumps(replace(self._given, config=config))).decode()
+        return replace(self._given, config=config)
 
 
 def open_given(argument: str) -> Fleet:
-    """Return a fleet of the robot that a text of `GivenHarness` leads to, not initialised."""
+    """Return a fleet of the robot that a pickled `Given` leads to, not initialised; called in the driver's process."""
     given: Given = pickle.loads(base64.b64decode(argument))  # noqa: S301 - from the harness
     return load_backend(given.backend)().open(given.config, [given.spec])

@@ -37,6 +37,7 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
         a_core: how many clauses a core can try at once.
         on_wire: whether its robots run on the host's time, so that clauses mostly wait.
         clause_limit_s: how long a clause may take.
+        starts_robots: whether the kit starts its robots.
         refusal: why there is no harness; empty if there is.
     """
 
@@ -45,6 +46,7 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
     a_core: int = 1
     on_wire: bool = False
     clause_limit_s: float = 0.0
+    starts_robots: bool = True
     refusal: str = ""
 
 
@@ -99,7 +101,8 @@ def _serve(link: socket.socket, target: str | Given) -> None:
         link.send(msgspec.msgpack.encode(Ready(refusal=why[:_LONGEST_REASON])))
         return
     ready = Ready(
-        harness.name, harness.side_by_side, harness.a_core, harness.gives("cut"), harness.clause_limit_s
+        harness.name, harness.side_by_side, harness.a_core, harness.gives("cut"), harness.clause_limit_s,
+        harness.starts_robots,
     )  # fmt: skip
     link.send(msgspec.msgpack.encode(ready))
     first: Usage | None = None

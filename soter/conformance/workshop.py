@@ -134,6 +134,7 @@ class Workshop:
     Attributes:
         name: what the harness calls the adapter.
         jobs: how many clauses are tried side by side.
+        given: whether the kit does not start the robots.
 
     Raises:
         BackendError: there is no such harness, or the harness cannot be used here.
@@ -147,7 +148,6 @@ class Workshop:
         stuck_s: float | None = None,
     ) -> None:
         self._stop: Final = stop
-        self._given: Final = isinstance(target, Given)
         self._workers: Final = [_Worker(target, stuck_s)]
         try:
             ready = self._get_ready(self._workers[0])
@@ -155,6 +155,7 @@ class Workshop:
             self._workers[0].end()
             raise
         self.name: Final = ready.name or str(target)
+        self.given: Final = not ready.starts_robots
         if jobs is None:
             jobs = min(ready.a_core * (os.cpu_count() or 1), _MOST_JOBS) if ready.on_wire else 1
         self.jobs: Final = jobs if ready.side_by_side else 1
@@ -191,7 +192,7 @@ class Workshop:
             on_outcome: called with each outcome and the record so far.
             on_begin: called with the clauses being tried, when they change.
         """
-        tally = Tally(self.name, clauses, on_outcome, given=self._given)
+        tally = Tally(self.name, clauses, on_outcome, given=self.given)
         waiting = deque(tally.clauses)
         if self.jobs > 1:
             # The first few show whether there are robots at all.

@@ -11,7 +11,7 @@ import pytest
 from soter.adapters.mavlink.backend import MavlinkBackend
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.pybullet.backend import KinematicBackend, KinematicConfig
-from soter.conformance import CLAUSES, Overall, Verdict, find_harness, judge, select
+from soter.conformance import CLAUSES, Overall, Verdict, Workshop, find_harness, judge, select
 from soter.conformance.bench import Bench
 from soter.conformance.figure import Failed
 from soter.conformance.given import Given, GivenHarness
@@ -43,6 +43,24 @@ class Elsewhere(GivenHarness):
         fleet = KinematicBackend().open(config, [spec])
         # What the kit is told is where the mission file has it.
         vars(fleet.robots[0])["_Robot__spec"] = self._given.spec
+        return fleet
+
+
+class Two(GivenHarness):
+    """Two robots that stand a little off their starts; the kit knows it by its name."""
+
+    robots_most = 2
+
+    def __init__(self) -> None:
+        super().__init__(given())
+
+    def open(self, robots: int) -> Fleet:
+        starts = (FIELD.robots[0], replace(FIELD.robots[0], id=5, y_m=12.0, charger=Box(7.5, 11.5, 8.5, 12.5)))
+        config = KinematicConfig(workspace=replace(FIELD, robots=tuple(replace(at, x_m=8.1) for at in starts)))
+        specs = [RobotSpec(at.id, 8.1, at.y_m, 0.4, promised=KinematicBackend.promises(config)) for at in starts]
+        fleet = KinematicBackend().open(config, specs[:robots])
+        for robot in fleet.robots:
+            vars(robot)["_Robot__spec"] = replace(robot.spec, x_m=8.0)
         return fleet
 
 
@@ -108,6 +126,16 @@ def test_what_cannot_be_tried_is_named_and_costs_the_whole_verdict() -> None:
     assert "starts_robots" in missing["state.start"]
     assert overall(record.outcomes, in_process=False, given=True) is Overall.AS_FAR
     assert overall(record.outcomes, in_process=False) is Overall.FAILS
+
+
+def test_two_robots_that_were_driven_back_to_about_their_starts_are_not_taken_for_each_other() -> None:
+    record = judge(Two(), [CLAUSES["several.ids"], CLAUSES["several.second"]])
+    assert {each.verdict for each in record.outcomes} == {Verdict.PASS}, [each.reason for each in record.outcomes]
+
+
+def test_robots_of_a_harness_that_does_not_start_them_are_given_by_its_name_too() -> None:
+    with Workshop(f"{__name__}:{Two.__name__}") as workshop:
+        assert workshop.given
 
 
 @pytest.mark.parametrize(("noise_m", "verdict"), [(0.15, Verdict.PASS), (0.25, Verdict.NOT_TESTED)])

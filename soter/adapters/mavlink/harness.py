@@ -53,10 +53,10 @@ class MavlinkRelay(ImpairedRelay):
         self.port: Final[int] = self._vehicles.getsockname()[1]
         self._parser: Final = mav.MAVLink(None)
         self._parser.robust_parsing = True
-        self._peer: tuple[str, int] | None = None
+        self._peers: set[tuple[str, int]] = set()
         # Vehicles share a link, and so its order. The vehicle of each datagram is looked up, to cut off only some.
         self._up: Final = Line(EVERYBODY, lambda datagram: _send(self._adapter, datagram, (_HOST, adapter_port)))
-        self._down: Final = Line(EVERYBODY, lambda datagram: _send(self._vehicles, datagram, self._peer))
+        self._down: Final = Line(EVERYBODY, self._tell)
         super().__init__()
         self._ended: Final = threading.Event()
         self._hearing: Final = threading.Thread(target=self._hear, name="mavlink-relay", daemon=True)
@@ -71,7 +71,12 @@ class MavlinkRelay(ImpairedRelay):
 
     def tell(self, message: mav.MAVLink_message, system: int) -> None:
         """Send the vehicles a message as if it came from the keeper of a ground station."""
-        _send(self._vehicles, message.pack(mav.MAVLink(None, system, KEEPER)), self._peer)
+        self._tell(message.pack(mav.MAVLink(None, system, KEEPER)))
+
+    def _tell(self, datagram: bytes) -> None:
+        # Simulated vehicles share a socket, others have one each, and know by the ids what is for them.
+        for peer in tuple(self._peers):
+            _send(self._vehicles, datagram, peer)
 
     def _hear(self) -> None:
         while not self._ended.is_set():
@@ -89,7 +94,7 @@ class MavlinkRelay(ImpairedRelay):
                 # The other end is not there: an earlier datagram to it came back as an error.
                 continue
             if upwards:
-                self._peer = peer
+                self._peers.add(peer)
             system = self._sender(datagram) if upwards else self._addressee(datagram)
             if not (self.cut and (system in self.cut or system == EVERYBODY)):
                 self.pass_on(self._up if upwards else self._down, datagram)
@@ -112,11 +117,10 @@ def _bound(at: tuple[str, int] = (_HOST, 0)) -> socket.socket:
     return opened
 
 
-def _send(source: socket.socket, datagram: bytes, to: tuple[str, int] | None) -> None:
-    if to is not None:
-        # The receiver may be gone.
-        with suppress(OSError):
-            source.sendto(datagram, to)
+def _send(source: socket.socket, datagram: bytes, to: tuple[str, int]) -> None:
+    # The receiver may be gone.
+    with suppress(OSError):
+        source.sendto(datagram, to)
 
 
 class MavlinkHarness(RelayedHarness):

@@ -97,6 +97,9 @@ def no_success(bench: Bench) -> None:
         f"the link was cut for {silent_s:.0f} s, and 5 s after it came back the robot is not heard: what hears gives "
         "up for good after some seconds of silence; it must go on for as long as the robot is open",
     )
+    if not bench.harness.starts_robots:
+        # A fail-safe of its own has acted by then: it may have to arm or to take off again, which is said meanwhile.
+        bench.run(bench.harness.connect_timeout_s, lambda: _renewed(robot))
     bench.go(
         robot, bench.place(robot, -0.2, 0.3),
         cause=f"after a silence of {silent_s:.0f} s samples came back, but the way to the robot did not",
@@ -176,17 +179,8 @@ def _hands_over_as_before(bench: Bench, robot: Robot) -> None:
     """Judge whether hand-overs come within the latency once a robot is heard again and its lease renewed."""
     taken_s: list[float] = []
     caps, until_s = bench.caps, bench.now_s + _RETURNS_S
-
-    def renewed() -> bool:
-        try:
-            robot.renew_lease()
-        except Uncontrolled:
-            # The robot is still being made ready again.
-            return False
-        return True
-
     while len(taken_s) < _SWITCHES and bench.now_s < until_s:
-        bench.run(_RETURNS_S, renewed)
+        bench.run(_RETURNS_S, lambda: _renewed(robot))
         called_s, to = bench.now_s, Controller.SC if robot.in_charge is Controller.AC else Controller.AC
         robot.switch_ac_sc(to, "conformance")
 
@@ -195,7 +189,7 @@ def _hands_over_as_before(bench: Bench, robot: Robot) -> None:
             return next((each.stamp_s for each in reports if each.controller is to), math.inf) - called_s
 
         bench.run(_SWITCH_S, lambda reported_s=reported_s: reported_s() < math.inf, closely=True)  # type: ignore[misc]
-        if renewed():
+        if _renewed(robot):
             taken_s.append(min(reported_s(), _SWITCH_S))
     robot.switch_ac_sc(Controller.AC, "conformance")
     if len(taken_s) == _SWITCHES:
@@ -205,6 +199,15 @@ def _hands_over_as_before(bench: Bench, robot: Robot) -> None:
             bench.fit_s, "since the link is back the robot is told things late: an adapter that holds back for a while "
             "after an outage, to spare a link that is bad, holds hand-overs and renewals back", spread=taken_s,
         )  # fmt: skip
+
+
+def _renewed(robot: Robot) -> bool:
+    """Renew a robot's lease; return whether it did what it was told, and is not being made ready again."""
+    try:
+        robot.renew_lease()
+    except Uncontrolled:
+        return False
+    return True
 
 
 @clause("link.revives_nothing", tier=Tier.WIRE, hooks=("cut",))
@@ -285,7 +288,7 @@ def reconnects_each(bench: Bench) -> None:
     for robot, other in (robots, robots[::-1]):
         off_m = bench.look(robot).distance_m(robot.spec.x_m, robot.spec.y_m)
         bench.require(
-            off_m <= bench.caps.position_noise_m + 0.05 + bench.still_m,
+            off_m <= bench.caps.position_noise_m + bench.back_m + 0.05 + bench.still_m,
             f"after its link came back robot {robot.id}, which stands at its start, is said to be {off_m:.2f} m from "
             f"there: it has the samples of robot {other.id}",
         )

@@ -43,7 +43,7 @@ def ids(bench: Bench) -> None:
         )
         off_m = sample.distance_m(robot.spec.x_m, robot.spec.y_m)
         bench.require(
-            off_m <= bench.caps.position_noise_m + 0.02,
+            off_m <= bench.caps.position_noise_m + bench.back_m + 0.02,
             f"robot {robot.id} stands {off_m:.2f} m from its start: it has another robot's samples (check whom a "
             "message is from, not who sent last)",
         )
@@ -73,7 +73,7 @@ def chosen(bench: Bench) -> None:
     for robot, spec in zip(robots, wanted, strict=True):
         off_m = bench.look(robot).distance_m(spec.x_m, spec.y_m)
         bench.require(
-            off_m <= bench.caps.position_noise_m + 0.02,
+            off_m <= bench.caps.position_noise_m + bench.back_m + 0.02,
             f"robot {robot.id} stands {off_m:.2f} m from its start: it has the address of another one",
         )
         bench.go(robot, bench.place(robot, 0.4), cause="its targets go to the address of another robot")
@@ -180,9 +180,8 @@ def _whose(bench: Bench, said: dict[int, float]) -> str:
 def second(bench: Bench) -> None:
     """What holds of the first robot holds of the second."""
     bench.judged = 2
-    for check in (
-        state.start, state.frame, state.velocity, state.yaw_rate, samples.age, goals.cancel, deadman.lease,
-    ):  # fmt: skip
+    starts = [state.start] if bench.harness.starts_robots else []
+    for check in (*starts, state.frame, state.velocity, state.yaw_rate, samples.age, goals.cancel, deadman.lease):
         check(bench)
         bench.close()
 

@@ -15,10 +15,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.config import load_mission
-from soter.conformance import Verdict, find_harness, judge, select
-from soter.conformance.given import Given
+from soter.conformance import CLAUSES, Verdict, find_harness, judge, select
+from soter.conformance.given import Given, GivenHarness
 from soter.runner import Follower, RunResult, run_mission
 from soter.sdk import Controller, RobotSpec, Waypoint
+from soter_sim.mavlink.kinds import Mode
 from tests.adapters.mavlink.virtual import BACKEND, VirtualBackend, VirtualConfig, Wire
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
@@ -163,18 +164,18 @@ def test_when_nobody_is_heard_any_more_a_vehicle_is_at_rest_well_within_what_is_
     assert max(ways_m) <= 0.8 * (promise["v_max_m_s"] * unheard_s + stops_m + promise["overshoot_m"])
 
 
-def given_rover(**promise: Any) -> tuple[VirtualConfig, RobotSpec]:
-    """Return the first rover of the example, as a mission file has it."""
-    workspace = load_mission(EXAMPLES / "ardurover" / "mission.toml").read_workspace()
-    given = {key: value for key, value in options("ardurover").items() if key != "connection"}
+def given_vehicle(like: str = "ardurover", **promise: Any) -> tuple[VirtualConfig, RobotSpec]:
+    """Return the first vehicle of an example, as a mission file has it."""
+    workspace = load_mission(EXAMPLES / like / "mission.toml").read_workspace()
+    given = {key: value for key, value in options(like).items() if key != "connection"}
     given["promise"] = {**given["promise"], **promise}
-    config = VirtualConfig.model_validate({**given, "like": "ardurover", "workspace": workspace})
+    config = VirtualConfig.model_validate({**given, "like": like, "workspace": workspace})
     start = workspace.robots[0]
     return config, RobotSpec(start.id, start.x_m, start.y_m, 0.3, promised=VirtualBackend.promises(config))
 
 
 def test_a_rover_that_has_rolled_beyond_its_target_does_not_turn_round() -> None:
-    config, spec = given_rover()
+    config, spec = given_vehicle()
     with VirtualBackend().open(config, [spec]) as fleet:
         (robot,) = fleet.robots
         robot.init(60.0)
@@ -192,14 +193,40 @@ def test_a_rover_that_has_rolled_beyond_its_target_does_not_turn_round() -> None
 
 
 def test_a_safe_controllers_leg_back_is_driven_backwards() -> None:
-    config, spec = given_rover(reverses=True)
+    config, spec = given_vehicle(reverses=True)
     record = judge(find_harness(Given(BACKEND, config, spec, 10.0)), select(["state.backwards", "goto.heading"]))
     assert {each.verdict for each in record.outcomes} == {Verdict.PASS}, record.outcomes
 
 
 def test_clauses_of_the_kit_pass_on_one_that_it_did_not_start() -> None:
     # Its tail is that of the usual parameters, not of those of the example.
-    config, spec = given_rover(brake_m_s2=0.9)
+    config, spec = given_vehicle(brake_m_s2=0.9)
     record = judge(find_harness(Given(BACKEND, config, spec, 10.0)), select(["bounds.rest", "deadman.silence"]))
     tried = {each.clause.id: each.verdict for each in record.outcomes}
     assert tried == dict.fromkeys(("bounds.rest", "deadman.silence", "truth.deadman.silence"), Verdict.PASS)
+
+
+class Landing(GivenHarness):
+    """A copter whose link can be cut, which lands then, as the example has it."""
+
+    landed = False
+
+    def gives(self, hook: str) -> bool:
+        return hook == "cut" or super().gives(hook)
+
+    def cut(self, robot_id: int) -> None:
+        VirtualBackend.wire.cut.add(robot_id)
+        autopilot = VirtualBackend.wire.autopilot(robot_id)
+        autopilot.parameters.set("LAND_SPEED", 50.0)
+        autopilot.set_mode(Mode.LAND, "its fail-safe")
+
+    def restore(self, robot_id: int) -> None:
+        VirtualBackend.wire.cut.discard(robot_id)
+        self.landed = not VirtualBackend.wire.autopilot(robot_id).armed
+
+
+def test_a_copter_that_has_landed_by_itself_during_a_silence_obeys_once_it_flies_again() -> None:
+    harness = Landing(Given(BACKEND, *given_vehicle("arducopter"), 20.0))
+    (outcome,) = judge(harness, [CLAUSES["link.no_success"]]).outcomes
+    assert outcome.verdict is Verdict.PASS, outcome.reason
+    assert harness.landed
