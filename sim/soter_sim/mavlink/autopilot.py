@@ -32,6 +32,7 @@ _LAND_M_S: Final = 0.05
 _TEXT: Final = 50
 _SAY_AGAIN_S: Final = 1.0
 _EKF: Final = "EKF"
+_FIRST_EKF: Final = 3
 
 
 class Autopilot:
@@ -59,7 +60,8 @@ class Autopilot:
         now_s: its own time, since then.
         speed_m_s: the speed that DO_CHANGE_SPEED has set, or None.
         backwards: whether a rover drives to places in GUIDED backwards (DO_SET_REVERSE), until its mode changes.
-        reckoning: converts places to its EKF's frame, whose origin, on earth, is where it boots.
+        reckoning: converts places to its EKF's frame, whose origin, on earth, is where it boots, until another EKF is
+            chosen.
         route: the route that it follows by itself, or None.
         failed: the fail-safe that has taken it over, or None.
     """
@@ -105,7 +107,8 @@ class Autopilot:
         self.backwards = False
         self._told_ready = False
         booted_at = self._vehicle.sample()
-        self.reckoning = self.origin.reckoning(booted_at.x_m, booted_at.y_m)
+        self.reckoning = self._first_reckoning = self.origin.reckoning(booted_at.x_m, booted_at.y_m)
+        self._ekf = _FIRST_EKF
         self.fence.enabled = bool(self.parameters["FENCE_ENABLE"])
         self.failed: str | None = None
         self._idle_since_s = inf
@@ -137,6 +140,11 @@ class Autopilot:
     def fix_ms(self) -> int:
         """The time of its last GPS fix."""
         return self.boot_ms if self._flaws is None else round(1000.0 * self._flaws.fix_s)
+
+    @property
+    def gps_accuracy_mm(self) -> int:
+        """How far off its GPS says that it is; 0 if it does not say."""
+        return 0 if self._flaws is None else round(1000.0 * self.parameters["SIM_GPS1_ACC"])
 
     def sample(self) -> Sample:
         """Return the sensors' readings."""
@@ -299,6 +307,7 @@ class Autopilot:
         self.now_s = world_s - self.booted_s
         if self._flaws is not None:
             self._look_at_gps(self._flaws)
+            self._look_at_ekf()
         if self.ready and not self._told_ready:
             self._told_ready = True
             if self.home is None:
@@ -320,6 +329,14 @@ class Autopilot:
             self.route = self._make_route(self.mode)
         elif before and not flaws.lost and self.failed == _EKF:
             self.failed = None
+
+    def _look_at_ekf(self) -> None:
+        """Let another EKF, if one was chosen, have its origin where the vehicle is then."""
+        chosen = int(self.parameters["AHRS_EKF_TYPE"])
+        if chosen != self._ekf:
+            self._ekf, at = chosen, self._vehicle.sample()
+            first = chosen == _FIRST_EKF
+            self.reckoning = self._first_reckoning if first else self.origin.reckoning_from(at.x_m, at.y_m)
 
     def _disarm_on_ground(self) -> None:
         if not self.landed:

@@ -224,6 +224,20 @@ def _set_mission_current(autopilot: Autopilot, command: Command, _most_hz: float
     return ACCEPTED
 
 
+def _set_home(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
+    at = autopilot.sample()
+    if command.params[0] == 1.0:
+        autopilot.home = at.x_m, at.y_m, at.z_m
+        return ACCEPTED
+    if command.frame is None:
+        return UNSUPPORTED
+    try:
+        autopilot.home = global_place(autopilot, command.frame, command.x, command.y, command.z)
+    except NotATarget:
+        return DENIED
+    return ACCEPTED
+
+
 def _enable_fence(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
     if command.params[0] not in (0.0, 1.0):
         return FAILED
@@ -319,6 +333,7 @@ _HANDLERS: Final[Mapping[int, Handler]] = {
     mav.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     mav.MAV_CMD_DO_SET_REVERSE: _set_reverse,
     mav.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_current,
+    mav.MAV_CMD_DO_SET_HOME: _set_home,
     mav.MAV_CMD_DO_FENCE_ENABLE: _enable_fence,
     mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
 }

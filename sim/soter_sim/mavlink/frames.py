@@ -67,7 +67,11 @@ class Origin(NamedTuple):
 
     def reckoning(self, x_m: float, y_m: float) -> Reckoning:
         """Return the reckoning of the EKF of a vehicle that boots at a place in the workspace."""
-        return Reckoning(self)
+        return Reckoning(self, 0.0, 0.0)
+
+    def reckoning_from(self, x_m: float, y_m: float) -> Reckoning:
+        """Return the reckoning of an EKF that has its origin at a place in the workspace."""
+        return Reckoning(self, x_m, y_m)
 
 
 class Globe(Origin):
@@ -90,6 +94,9 @@ class Globe(Origin):
     def reckoning(self, x_m: float, y_m: float) -> Reckoning:
         return GlobeReckoning(self, x_m, y_m)
 
+    def reckoning_from(self, x_m: float, y_m: float) -> Reckoning:
+        return GlobeReckoning(self, x_m, y_m)
+
 
 @lru_cache
 def _projection(lat_deg: float, lon_deg: float) -> Projection:
@@ -97,22 +104,29 @@ def _projection(lat_deg: float, lon_deg: float) -> Projection:
 
 
 class Reckoning:
-    """Converts places to the frame of an EKF; in a world in metres, the EKF has the world's origin and axes.
+    """Converts places to the frame of an EKF; in a world in metres, the EKF has the world's axes.
+
+    Args:
+        origin: the world's geographic origin.
+        x_m: the EKF's origin in the world, east.
+        y_m: the EKF's origin in the world, north.
 
     Attributes:
         origin_e7: latitude and longitude of the EKF's origin, in 1e-7 degrees.
     """
 
-    def __init__(self, origin: Origin) -> None:
-        self.origin_e7 = origin.geodetic_e7(0.0, 0.0)
+    def __init__(self, origin: Origin, x_m: float, y_m: float) -> None:
+        self.origin_e7 = origin.geodetic_e7(x_m, y_m)
+        # Where those whole numbers are.
+        self._x_m, self._y_m = origin.local_m(*self.origin_e7) if x_m or y_m else (0.0, 0.0)
 
     def local_m(self, x_m: float, y_m: float) -> tuple[float, float]:
         """Return a place in the world as metres east and north of the EKF's origin."""
-        return x_m, y_m
+        return x_m - self._x_m, y_m - self._y_m
 
     def world_m(self, east_m: float, north_m: float) -> tuple[float, float]:
         """Return the place in the world that is given as metres east and north of the EKF's origin."""
-        return east_m, north_m
+        return east_m + self._x_m, north_m + self._y_m
 
     def north_rad(self, x_m: float, y_m: float) -> float:
         """Return the angle from the world's north to the EKF's, counter-clockwise, at a place in the world."""

@@ -55,7 +55,12 @@ _ADDED: Final = {
     "SOTER_LEASE_MS": _whole(250, 50, 5_000),
     "SOTER_YAW_SPEED": _whole(1, 0, 1),
 }
-_BROKEN: Final = {"SIM_GPS_DISABLE": _whole(0, 0, 1), "SIM_WIND_SPD": Parameter(5.0, 0.0, 20.0)}
+_BROKEN: Final = {
+    "AHRS_EKF_TYPE": _whole(3, 0, 11),
+    "SIM_GPS1_ACC": Parameter(0.3, 0.0, 100.0),
+    "SIM_GPS_DISABLE": _whole(0, 0, 1),
+    "SIM_WIND_SPD": Parameter(5.0, 0.0, 20.0),
+}
 _ROVER: Final = {
     "WP_RADIUS": Parameter(0.10, 0.02, 10.0),
     # Two driven wheels, which turn in place.
@@ -80,7 +85,7 @@ class Parameters:
         robot_id: the vehicle's number.
         v_max_m_s: top speed of the vehicle.
         plain: without those that this simulation adds to ArduPilot's.
-        flawed: with those of ArduPilot's own simulator that inject failures.
+        flawed: with those that inject failures, most of them of ArduPilot's own simulator.
     """
 
     def __init__(self, kind: Kind, robot_id: int, v_max_m_s: float, *, plain: bool, flawed: bool = False) -> None:

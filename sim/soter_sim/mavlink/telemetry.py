@@ -135,7 +135,7 @@ def gps_raw_int(autopilot: Autopilot) -> Message:
     return mav.MAVLink_gps_raw_int_message(
         1000 * autopilot.fix_ms, mav.GPS_FIX_TYPE_RTK_FIXED, lat_e7, lon_e7,
         round(1000.0 * (origin.alt_m + at.z_m)), 70, 100,
-        round(100.0 * hypot(at.east_m_s, at.north_m_s)), course_cdeg, 14,
+        round(100.0 * hypot(at.east_m_s, at.north_m_s)), course_cdeg, 14, h_acc=autopilot.gps_accuracy_mm,
     )  # fmt: skip
 
 

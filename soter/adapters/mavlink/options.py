@@ -98,6 +98,7 @@ class MavlinkConfig(BackendConfig):
         promise: differences from the simulated vehicles; `latency_s`, `sample_age_s` and `jitter_s` are those of link
             and host, in host seconds: the vehicle's control period and the period of its samples are added.
         voltage: for autopilots that do not count the charge.
+        gps_accuracy_m: how far off a vehicle's GPS may say that it is; None for twice what it says when it is ready.
         upload_fence: whether to upload the workspace to each vehicle as its own fence, and enable it.
     """
 
@@ -115,6 +116,7 @@ class MavlinkConfig(BackendConfig):
     boot_s: NotNegative = 1.0
     on_close: Literal["land", "hold"] = "land"
     voltage: Voltage | None = None
+    gps_accuracy_m: Positive | None = None
     upload_fence: bool = False
 
     @model_validator(mode="before")

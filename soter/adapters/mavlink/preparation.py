@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import KEEPER, LEASE_PARAMETER, SENDERS, Authority
 from soter.adapters.mavlink.fence import fence_items, put_up
-from soter.adapters.mavlink.frames import GeoPoint
+from soter.adapters.mavlink.frames import ArduPilotSphere, GeoPoint
 from soter.adapters.mavlink.item_lists import ItemLists
 from soter.adapters.mavlink.options import MavlinkConfig
 from soter.adapters.mavlink.parameters import JudgedParameters
@@ -22,6 +22,7 @@ from soter.adapters.mavlink.places import judge_places
 from soter.adapters.mavlink.sampling import TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import RETRY_S, Vehicle, place_of
+from soter.adapters.mavlink.whereabouts import wait_for_accuracy
 from soter.errors import RobotUnavailable
 from soter.geometry.earth import Projection
 from soter.sdk import Capabilities, Controller
@@ -46,7 +47,7 @@ STREAMS: Final = {
 
 _SLOW_STREAMS: Final = (
     mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_SYS_STATUS, mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
-    mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
+    mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, mav.MAVLINK_MSG_ID_HOME_POSITION,
 )  # fmt: skip
 _SLOW_HZ: Final = 4.0
 _GPS_HZ: Final = 10.0
@@ -94,6 +95,8 @@ class Preparation:
         self._keep_alive: Callable[[], None] | None = None
         self._named = KEEPER
         self._moves = "it does not say how fast it is"
+        self._moved = ""
+        self.origin: GeoPoint | None = None
         self.taken = self.ready = self.may_arm = self.armed_it = False
         self.waits_for = "everything"
         self.workspace_origin: GeoPoint | Projection | None = config.geo_origin
@@ -101,8 +104,9 @@ class Preparation:
 
     def begin(self) -> None:
         """Begin, or begin anew: earlier messages of the vehicle do not count."""
+        self._moved = self.moved or self._moved
         self._since_s = self._vehicle.now_s
-        self.origin: GeoPoint | None = None
+        self.origin = None
         self.gated: bool | None = None
         self._vehicle.parameters.clear()
         self._authority.begin()
@@ -128,6 +132,8 @@ class Preparation:
             self.begin()
             raise
         self.ready = not self.waits_for
+        if self.ready:
+            self._moved = ""
         return self.ready
 
     @property
@@ -136,10 +142,18 @@ class Preparation:
         return self.may_arm or self.waits_for == _TURN
 
     @property
-    def moved(self) -> bool:
-        """Whether the EKF's origin has changed since the vehicle got ready, so that its places mean others."""
-        said = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s)
-        return said is not None and place_of(said) != self.origin
+    def moved(self) -> str:
+        """How far the EKF's origin has moved since the vehicle got ready, so that its places mean others; or empty."""
+        said, before = self._vehicle.heard_since("GPS_GLOBAL_ORIGIN", self._since_s), self.origin
+        if said is None or before is None or place_of(said) == before:
+            return ""
+        now = place_of(said)
+        moved_m = math.hypot(*ArduPilotSphere(before).local(now.lat_deg, now.lon_deg), now.alt_m - before.alt_m)
+        return f"the origin of its EKF has moved by {moved_m:.2f} m: "
+
+    def why_again(self) -> str:
+        """Return why it is made ready again, as far as that is known, and what is missing."""
+        return f"{self._moved}it is made ready again, and lacks {self.why_not()}"
 
     def why_not(self) -> str:
         """Return what is missing, with the autopilot's own complaints."""
@@ -176,6 +190,7 @@ class Preparation:
             lambda: vehicle.ekf_ready(self._since_s), "its EKF to know where it is",
             lambda: vehicle.ask_once(KEEPER, _PX4_EKF if kind.is_px4 else mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT),
         )  # fmt: skip
+        yield from wait_for_accuracy(vehicle, self._config.gps_accuracy_m)
         yield from self._until(
             self._heard_origin, "the origin of its EKF",
             lambda: vehicle.ask_once(KEEPER, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN),

@@ -29,6 +29,7 @@ from soter.adapters.mavlink.preparation import Preparation
 from soter.adapters.mavlink.sampling import ChargeFilter, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
 from soter.adapters.mavlink.vehicle import ARDUCOPTER, ARDUROVER, Vehicle
+from soter.adapters.mavlink.whereabouts import Whereabouts
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Uncontrolled, Unsupported
 from soter.sdk import Capabilities, Controller, Goal, Robot, RobotSpec, RobotState
@@ -79,7 +80,8 @@ class MavlinkRobot(Robot):
         self._sampler: Final = Sampler(
             spec.id, self._vehicle.inbox, self._time_sync, ChargeFilter(spec.drive_s, *volts), self._reported
         )
-        self._obedience: Final = Obedience(self._vehicle, self._setpoints, judged)
+        self._whereabouts: Final = Whereabouts(self._vehicle, self.declared.v_max_m_s, config.gps_accuracy_m)
+        self._obedience: Final = Obedience(self._vehicle, self._whereabouts, self._setpoints, judged)
         self._charge = Controller.SC
         self._leg: TargetLeg | None = None
         self._halted_at: tuple[float, float, float] | None = None
@@ -156,13 +158,14 @@ class MavlinkRobot(Robot):
         return self._known()
 
     def _known(self) -> RobotState | None:
-        obedience = self._obedience
+        whereabouts = self._whereabouts
         if self._preparation.ready:
-            obedience.look()
-        elif obedience.astray:
-            obedience.look_for_place()
+            whereabouts.look()
+            self._obedience.look()
+        elif whereabouts.astray:
+            whereabouts.look()
         # A position that the EKF itself does not trust is not used: the latest sample ages instead.
-        return self._sampler.latest if obedience.astray else self._sampler.sample()
+        return self._sampler.latest if whereabouts.astray else self._sampler.sample()
 
     def _hand_over(self, to: Controller) -> None:
         if to is not self._charge:
@@ -178,9 +181,8 @@ class MavlinkRobot(Robot):
         self._beat([self.id])
         if not self._preparation.ready:
             self._tell_of_switch()
-            raise Uncontrolled(self._refusal or f"it is made ready again, and lacks {self._preparation.why_not()}")
-        obedience = self._obedience
-        if trouble := obedience.astray or obedience.disobeys:
+            raise Uncontrolled(self._refusal or self._preparation.why_again())
+        if trouble := self._whereabouts.astray or self._obedience.disobeys:
             # Until now another may have driven it: only from here on an ArduCopter comes to rest before it gets places.
             self._halted_s = None
             self._stand(None)
@@ -264,6 +266,7 @@ class MavlinkRobot(Robot):
         self._sampler.flies = kind.flies
         self._halted_at = self._halted_s = self._sent_to = None
         self._gated = preparation.gated is True
+        self._whereabouts.begin()
         self._obedience.begin(preparation.origin, gated=self._gated)
         logger.info(
             "robot %d: a %s is ready; %s", self.id, kind.name,

@@ -60,12 +60,14 @@ class Puppet(MavlinkLink):
         self.finds = self.tells_ekf = True
         self.fixed_s = 0.0
         self.times_fixes = True
+        self.accuracy_mm = 300
         self.variance = self.compass = 0.01
         self.origin_lat = 473977420
         self.place_e7 = 0, 0
         self.gate = True
         self.most_hz = 50.0
         self.refuses_to_arm = ""
+        self.deaf_to: set[int] = set()
         self.silent = False
         self.answers_time = True
         self.answered_late_s = 0.0
@@ -139,7 +141,8 @@ class Puppet(MavlinkLink):
         if self.finds:
             self.fixed_s = self.clock_s
         if self.finds or self.times_fixes:
-            self.say("GPS_RAW_INT", fix_type=self.fix, time_usec=int(self.fixed_s * 1e6) * self.times_fixes)
+            time_usec = int(self.fixed_s * 1e6) * self.times_fixes
+            self.say("GPS_RAW_INT", fix_type=self.fix, time_usec=time_usec, h_acc=self.accuracy_mm)
         if self.gate:
             self.say("NAMED_VALUE_INT", name="GMASTER", value=256 * OURS + self.master, **stamp)
 
@@ -162,6 +165,8 @@ class Puppet(MavlinkLink):
 
     def _obey(self, component: int, fields: dict[str, Any]) -> int:
         number = fields["command"]
+        if number in self.deaf_to:
+            return int(mav.MAV_RESULT_TEMPORARILY_REJECTED)
         if number == mav.MAV_CMD_SET_MESSAGE_INTERVAL:
             hz = 1e6 / fields["param2"]
             if hz > self.most_hz + 1e-6:

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter.adapters.mavlink.frames import GeoPoint
 from soter.config import load_mission
 from soter.conformance import CLAUSES, Verdict, find_harness, judge, select
 from soter.conformance.given import Given, GivenHarness
@@ -62,8 +63,10 @@ def disarms(wire: Wire) -> None:
     wire.command(1, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, 21196.0)
 
 
-def loses_gps(wire: Wire) -> None:
-    wire.other(mav.MAVLink_param_set_message(1, 1, b"SIM_GPS_DISABLE", 1.0, mav.MAV_PARAM_TYPE_INT32))
+def sets(name: str, value: float) -> Callable[[Wire, float], object]:
+    """Another ground station sets a parameter."""
+    message = mav.MAVLink_param_set_message(1, 1, name.encode(), value, mav.MAV_PARAM_TYPE_REAL32)
+    return once(lambda wire: wire.other(message))
 
 
 def sends_elsewhere(wire: Wire, now_s: float) -> None:
@@ -99,11 +102,13 @@ def is_stopped(wire: Wire, now_s: float) -> None:
         (once(disarms), "it is disarmed"),
         (once(lambda wire: wire.cut.add(1)), "not been heard of"),
         (is_stopped, "not been heard of"),
-        (once(loses_gps), "its GPS has found no place"),
+        (sets("SIM_GPS_DISABLE", 1.0), "its GPS has found no place"),
+        (sets("SIM_GPS1_ACC", 2.0), "its GPS says that it is off by up to 2.00 m, allowed: gps_accuracy_m = 0.60"),
+        (sets("AHRS_EKF_TYPE", 2.0), "the origin of its EKF has moved by 14.5"),
         (sends_elsewhere, "another ground station sends it elsewhere"),
         (reboots, "it is disarmed"),
     ],
-    ids=["hold", "manual", "disarm", "kill", "stop", "gps", "goto", "reboot"],
+    ids=["hold", "manual", "disarm", "kill", "stop", "gps", "accuracy", "origin", "goto", "reboot"],
 )
 def test_what_happens_to_a_vehicle_is_seen_within_a_second_and_its_peer_has_heard_of_it(
     happens: Callable[[Wire, float], object], says: str
@@ -122,6 +127,18 @@ def test_what_happens_to_a_vehicle_is_seen_within_a_second_and_its_peer_has_hear
     # It may be anywhere its promise lets it: the AC of its peer is not in charge then.
     assert result.assumptions[2]["A7"].first_s - at_s[0] <= 1.0
     assert result.uncontrolled.keys() == {1}
+
+
+def test_a_home_that_moves_is_said_and_takes_no_vehicle_away(caplog: pytest.LogCaptureFixture) -> None:
+    lat_e7, lon_e7 = (round(1e7 * each) for each in GeoPoint(47.397742, 8.545594, 488.0).place(40.0, -30.0))
+    moves = mav.MAVLink_command_int_message(
+        1, 1, mav.MAV_FRAME_GLOBAL, mav.MAV_CMD_DO_SET_HOME, 0, 0, 0.0, 0.0, 0.0, 0.0, lat_e7, lon_e7, 488.0
+    )
+    result = run(once(lambda wire: wire.other(moves)))
+    assert (result.status, result.violations, result.uncontrolled) == ("completed", SAFE, {})
+    said = [each.getMessage() for each in caplog.records if "its HOME has moved" in each.getMessage()]
+    assert len(said) == 1
+    assert said[0].startswith("robot 1: its HOME has moved by ")
 
 
 @pytest.mark.parametrize("like", ["ardurover", "arducopter"])

@@ -8,8 +8,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import SENDERS
+from soter.errors import RobotUnavailable
 from soter.sdk import Controller, Link
-from tests.adapters.mavlink.puppet import FAR, ROVER_GUIDED, ROVER_HOLD, STANDS, Puppet, ready, tick
+from tests.adapters.mavlink.puppet import FAR, ROVER_GUIDED, ROVER_HOLD, STANDS, Puppet, ready, robot_of, tick
 
 AC, SC = Controller.AC, Controller.SC
 
@@ -238,6 +239,7 @@ def test_a_px4_needs_no_compass_to_know_where_it_is_but_one_that_it_has_must_agr
         ({"variance": float("nan")}, "pos_horiz_variance is nan"),
         ({"fix": mav.GPS_FIX_TYPE_NO_FIX}, "fix type 1"),
         ({"finds": False}, "its GPS has found no place"),
+        ({"accuracy_mm": 601}, "its GPS says that it is off by up to 0.60 m, allowed: gps_accuracy_m = 0.60"),
     ],
 )
 def test_a_vehicle_that_does_not_know_where_it_is_gives_no_samples(
@@ -258,8 +260,57 @@ def test_a_vehicle_that_does_not_know_where_it_is_gives_no_samples(
     assert (state.stamp_s, state.link) == (before.stamp_s, Link.STALE)
     assert puppet.targets()[-1][1]["type_mask"] == STANDS
     puppet.ekf, puppet.variance, puppet.fix, puppet.finds = 831, 0.01, mav.GPS_FIX_TYPE_3D_FIX, True
+    puppet.accuracy_mm = 600
     tick(puppet, robot, 2)
     assert robot.read_state().link is Link.UP
+
+
+@pytest.mark.parametrize("says_none", [True, False])
+def test_a_gps_that_says_how_far_it_is_off_is_waited_for_where_the_options_ask_for_less(
+    puppet: Puppet, says_none: bool
+) -> None:
+    puppet.accuracy_mm = 0 if says_none else 400
+    robot = robot_of(puppet, gps_accuracy_m=0.2)
+    if says_none:
+        robot.init(20.0)
+        return
+    with pytest.raises(RobotUnavailable, match=r"as accurate as gps_accuracy_m = 0\.2; it says 0\.40 m"):
+        robot.init(5.0)
+    assert not puppet.armed
+    puppet.accuracy_mm = 150
+    robot.init(20.0)
+    assert tick(puppet, robot, 2) == []
+    # Not twice what it was.
+    puppet.accuracy_mm = 201
+    assert "allowed: gps_accuracy_m = 0.20" in tick(puppet, robot, 2)[-1]
+
+
+@pytest.mark.parametrize("moves", [True, False], ids=["moves", "corrected"])
+def test_a_place_that_leaps_is_no_sample_before_the_origin_is_known_again(puppet: Puppet, moves: bool) -> None:
+    puppet.gate = False
+    robot = ready(puppet, origin={"lat_deg": 47.397742, "lon_deg": 8.545594, "alt_m": 488.0})
+    tick(puppet, robot, 2)
+    puppet.deaf_to = {mav.MAV_CMD_REQUEST_MESSAGE}
+    # 11.13 m: its EKF has another origin, or has found that it was wrong.
+    puppet.y_m += -11.13 if moves else 11.13
+    for _ in range(4):
+        (why,) = tick(puppet, robot)
+        assert why == "its place has leapt by 11.1 m: the origin of its EKF may have moved"
+        assert robot.read_state().y_m == pytest.approx(0.0, abs=0.01)
+    assert puppet.commands(mav.MAV_CMD_REQUEST_MESSAGE)[-1]["param1"] == mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+    assert puppet.targets()[-1][1]["type_mask"] == STANDS
+    puppet.deaf_to = set()
+    puppet.origin_lat += 1000 * moves
+    puppet.tell_origin()
+    north_m = []
+    for _ in range(120):
+        tick(puppet, robot)
+        state = robot.read_state()
+        if state.age_s(robot.clock.now()) < 0.1:
+            north_m.append(state.y_m)
+    assert len(north_m) > 60
+    assert north_m == pytest.approx([0.0 if moves else 11.13] * len(north_m), abs=0.02)
+    assert tick(puppet, robot) == []
 
 
 def test_an_ekf_that_begins_anew_elsewhere_is_heard_again_once_its_origin_is_known(puppet: Puppet) -> None:
@@ -268,7 +319,7 @@ def test_an_ekf_that_begins_anew_elsewhere_is_heard_again_once_its_origin_is_kno
     robot = ready(puppet, origin=origin)
     puppet.origin_lat = 473977420 + 1000
     puppet.tell_origin()
-    assert "made ready again" in tick(puppet, robot)[0]
+    assert tick(puppet, robot)[0].startswith("the origin of its EKF has moved by 11.13 m: it is made ready again")
     tick(puppet, robot, 120)
     assert robot.read_state().y_m == pytest.approx(11.13, abs=0.01)
 
