@@ -38,6 +38,11 @@ def without_gps(vehicles: Autopilots) -> Happens:
     return switch_off
 
 
+def setting(vehicles: Autopilots, name: str, value: float) -> Happens:
+    """Another ground station sets a parameter."""
+    return lambda _: vehicles.set(1, name, value)
+
+
 def stopped(vehicles: Autopilots, lasts_s: float) -> Happens:
     """Its program stands still for a time."""
 

@@ -19,8 +19,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.geometry.site import GeoOrigin
-from tests.autopilot.ardupilot import Autopilots
-from tests.autopilot.events import commanded, killed, restarted, sent_elsewhere, stopped, without_gps
+from tests.autopilot.ardupilot import ORIGIN, Autopilots
+from tests.autopilot.events import commanded, killed, restarted, sent_elsewhere, setting, stopped, without_gps
 from tests.autopilot.missions import CALIBRATED, READY_S, RULES, Example, drawn_on_a_map, lost, run
 
 PROGRAM: Final = os.environ.get("ARDUROVER", "")
@@ -94,6 +94,25 @@ def test_a_rover_without_gps_is_stopped_before_its_own_fail_safe_acts(rovers: Au
     assert "its GPS has" in lost(ended, noise_m=ROVER.promise["position_noise_m"])["cause"]
     # A second and a little until it is seen, and the way to stop.
     assert ended.way_m < 3.0
+
+
+def test_a_rover_whose_gps_gets_less_accurate_is_stopped(rovers: Autopilots, tmp_path: Path) -> None:
+    ended = run(ROVER, rovers, tmp_path, 40.0, setting(rovers, "SIM_GPS1_ACC", 5.0))
+    assert "its GPS says that it is off by up to 5.00 m" in lost(ended)["cause"]
+    assert ended.way_m < 3.0
+
+
+def test_a_rover_that_changes_to_another_ekf_is_made_ready_again(rovers: Autopilots, tmp_path: Path) -> None:
+    # That of its simulator, whose origin is a centimetre away.
+    found = lost(run(ROVER, rovers, tmp_path, 40.0, setting(rovers, "AHRS_EKF_TYPE", 10.0)))
+    assert "the origin of its EKF has moved by 0.01 m" in found["cause"]
+    assert found["lasted_s"] < 10.0
+
+
+def test_a_rover_whose_home_another_ground_station_moves_goes_on(rovers: Autopilots, tmp_path: Path) -> None:
+    moves = commanded(rovers, mav.MAV_CMD_DO_SET_HOME, 0.0, 0.0, 0.0, 0.0, ORIGIN.lat_deg, ORIGIN.lon_deg, ORIGIN.alt_m)
+    ended = run(ROVER, rovers, tmp_path, 40.0, moves)
+    assert (ended.code, ended.result["violations"], ended.result["uncontrolled"]) == (0, RULES, {})
 
 
 def test_a_rover_that_another_ground_station_sends_elsewhere_is_nobodys_as_long_as_that_lasts(

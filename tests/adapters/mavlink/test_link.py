@@ -356,19 +356,19 @@ def test_the_kits_relay_passes_on_what_is_no_whole_packet() -> None:
 
 def test_the_kits_relay_tells_vehicles_that_send_from_ports_of_their_own() -> None:
     opened = [socket.socket(type=socket.SOCK_DGRAM) for _ in range(3)]
-    adapter, *vehicles = opened
+    adapter, first, second = opened
     adapter.bind(("127.0.0.1", 0))
     relay = MavlinkRelay(adapter.getsockname()[1])
     for each in opened:
         each.settimeout(10.0)
-    for number, vehicle in enumerate(vehicles, start=1):
-        beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, 0, 3)
-        vehicle.sendto(beat.pack(mav.MAVLink(None, number, 1)), ("127.0.0.1", relay.port))
-        _, there = adapter.recvfrom(64)
+    first.sendto(packed(HEARTBEAT, 1), ("127.0.0.1", relay.port))
+    adapter.recvfrom(64)
+    second.sendto(packed(HEARTBEAT, 2), ("127.0.0.1", relay.port))
+    _, there = adapter.recvfrom(64)
     # The first one is told, too, though the other one was heard last.
-    told = mav.MAVLink_set_mode_message(1, 1, 15).pack(mav.MAVLink(None, 255, 190))
+    told = packed(mav.MAVLink_set_mode_message(1, 1, 15), 255, 190)
     adapter.sendto(told, there)
-    assert vehicles[0].recvfrom(64)[0] == told
+    assert first.recvfrom(64)[0] == told
     relay.close()
     for each in opened:
         each.close()
