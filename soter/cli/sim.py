@@ -112,8 +112,8 @@ def mavlink(
         typer.Option(help="What the robots are; rovers if nothing says otherwise.", show_default=False),
     ] = None,
     like: Annotated[
-        Literal["ardurover", "arducopter"] | None,
-        typer.Option(help="With the flaws of a real autopilot, and nothing that it lacks.", show_default=False),
+        Literal["ardurover", "arducopter", "px4"] | None,
+        typer.Option(help="Like a real autopilot, with its flaws, and nothing that it lacks.", show_default=False),
     ] = None,
     engine: Annotated[
         Literal["kinematic", "pybullet"], typer.Option(help="What moves them; copters have the kinematic one only.")

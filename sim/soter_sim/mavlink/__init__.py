@@ -4,7 +4,7 @@ This is the contract for programs that talk to them. It imports nothing: the veh
 
 ```
 python -m soter_sim.mavlink [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
-    [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--like ardurover|arducopter] [--speedup N]
+    [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--like ardurover|arducopter|px4] [--speedup N]
     [--boot SECONDS] [--origin LAT,LON,ALT] [--sign FILE] [--parent PID]
 ```
 

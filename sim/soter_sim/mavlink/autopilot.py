@@ -16,6 +16,7 @@ from soter_sim.mavlink.frames import Origin, turned, wrapped_rad
 from soter_sim.mavlink.guided import Guided
 from soter_sim.mavlink.kinds import Kind, Mode
 from soter_sim.mavlink.mission import Mission
+from soter_sim.mavlink.offboard import Offboard
 from soter_sim.mavlink.parameters import Parameters
 from soter_sim.mavlink.route import Homing, Landing, Manners, Route, Touring
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Vehicle
@@ -32,6 +33,7 @@ _LAND_M_S: Final = 0.05
 _TEXT: Final = 50
 _SAY_AGAIN_S: Final = 1.0
 _EKF: Final = "EKF"
+_OFFBOARD: Final = "Offboard"
 _FIRST_EKF: Final = 3
 
 
@@ -55,6 +57,7 @@ class Autopilot:
         mission: the mission for AUTO; it outlives a reboot.
         fence: the fence that it holds; its items outlive a reboot.
         guided: the authority and the target in GUIDED.
+        offboard: whether set-points keep coming, which a PX4 needs in that mode.
         home: where RTL goes to: metres east, north and up; None until it is armed or ready.
         booted_s: the world's time at which its clock began.
         now_s: its own time, since then.
@@ -101,6 +104,7 @@ class Autopilot:
         self.mode = self.kind.first
         self.armed = False
         self.guided = Guided()
+        self.offboard = Offboard()
         self.route: Route | None = None
         self.home: tuple[float, float, float] | None = None
         self.speed_m_s: float | None = None
@@ -201,6 +205,8 @@ class Autopilot:
     def _mode_refusal(self, mode: Mode) -> str | None:
         if mode in _NEEDS_POSITION and not self.ready:
             return "requires position"
+        if mode is Mode.GUIDED and self.kind.is_px4 and not self.offboard.may_begin(self.now_s):
+            return "no offboard signal"
         if mode is Mode.AUTO and not self.mission.items:
             return "no mission"
         if mode is Mode.AUTO and self.kind.flies and self.landed and self.armed:
@@ -314,8 +320,19 @@ class Autopilot:
                 sample = self.sample()
                 self.home = (sample.x_m, sample.y_m, sample.z_m)
             self.say(mav.MAV_SEVERITY_INFO, "EKF3 IMU0 is using GPS")
+        if self.kind.is_px4:
+            self._look_at_offboard()
         if self.armed and self.kind.flies:
             self._disarm_on_ground()
+
+    def _look_at_offboard(self) -> None:
+        lost = self.offboard.lost(self.now_s, self.parameters["COM_OF_LOSS_T"])
+        if lost and self.mode is Mode.GUIDED:
+            self.failed = _OFFBOARD
+            self.say(mav.MAV_SEVERITY_CRITICAL, "Failsafe activated: offboard signal lost")
+            self.set_mode(self.kind.stop, "offboard loss")
+        elif not lost and self.failed == _OFFBOARD:
+            self.failed = None
 
     def _look_at_gps(self, flaws: Flaws) -> None:
         before = flaws.lost

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter_sim.mavlink.autopilot import Autopilot
 from soter_sim.mavlink.channel import Channel, Source
 from soter_sim.mavlink.frames import turned_rad
-from soter_sim.mavlink.kinds import Mode
+from soter_sim.mavlink.kinds import Mode, packed
 from soter_sim.mavlink.mission import MOST_ITEMS
 from soter_sim.mavlink.setpoint import Place
 from soter_sim.mavlink.targets import NotATarget, global_place
@@ -100,12 +100,18 @@ def set_mode(autopilot: Autopilot, number: int, reason: str) -> int:
 
 
 def _do_set_mode(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
-    base, custom = command.params[:2]
-    if not isfinite(base) or not int(base) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+    base, number = command.params[0], _mode_number(autopilot, command)
+    if not isfinite(base) or not int(base) & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or number is None:
         return DENIED
-    if not isfinite(custom) or custom != int(custom):
-        return DENIED
-    return set_mode(autopilot, int(custom), f"asked for by {command.by}")
+    return set_mode(autopilot, number, f"asked for by {command.by}")
+
+
+def _mode_number(autopilot: Autopilot, command: Command) -> int | None:
+    """Return the mode of a DO_SET_MODE, of which PX4 has a main and a sub mode; None if it is no whole number."""
+    main, sub = command.params[1], command.params[2] if autopilot.kind.is_px4 else 0.0
+    if not (isfinite(main) and isfinite(sub)) or main != int(main):
+        return None
+    return packed(main, sub) if autopilot.kind.is_px4 else int(main)
 
 
 def _arm(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
@@ -180,7 +186,7 @@ def _reposition(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
 
 
 def _take_off(autopilot: Autopilot, command: Command, _most_hz: float) -> int:
-    if not autopilot.kind.flies:
+    if not autopilot.kind.flies or autopilot.kind.is_px4:
         return UNSUPPORTED
     if not 0.0 < command.z <= _HIGHEST_M:
         return DENIED
@@ -309,7 +315,8 @@ def _stops(autopilot: Autopilot, command: Command) -> bool:
     """Return whether a command only stops the vehicle, so that any sender may give it."""
     number, params = command.number, command.params
     if number == mav.MAV_CMD_DO_SET_MODE:
-        return any(params[1] == autopilot.kind.numbers[mode] for mode in autopilot.kind.stops)
+        mode_number = _mode_number(autopilot, command)
+        return any(mode_number == autopilot.kind.numbers[mode] for mode in autopilot.kind.stops)
     return number == mav.MAV_CMD_NAV_LAND or (number == mav.MAV_CMD_COMPONENT_ARM_DISARM and params[0] == 0.0)
 
 

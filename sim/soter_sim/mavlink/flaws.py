@@ -13,8 +13,8 @@ from typing import Final, Literal
 from soter_sim.mavlink.frames import wrapped_rad
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
 
-LIKE: Final[dict[str, Literal["rover", "copter"]]] = {"ardurover": "rover", "arducopter": "copter"}
-"""By value of `--like`, the kind of vehicle."""
+LIKE: Final[dict[str, Literal["rover", "copter"]]] = {"ardurover": "rover", "arducopter": "copter", "px4": "copter"}
+"""By value of `--like`, the kind of vehicle. Of a PX4 no flaws are known: `soter_sim.mavlink.kinds.PX4_COPTER`."""
 
 _ROAMS_M_S: Final = 0.027
 _PERIOD_S: Final = 24.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
@@ -31,6 +31,7 @@ class Kind:
     Attributes:
         name: its name on the command line.
         mav_type: its type in HEARTBEAT.
+        autopilot: its autopilot there.
         flies: whether it takes off and lands; else it stays on the ground.
         numbers: its modes' numbers in messages.
         first: the mode after power-on.
@@ -42,6 +43,7 @@ class Kind:
 
     name: str
     mav_type: int
+    autopilot: int
     flies: bool
     numbers: Mapping[Mode, int]
     first: Mode
@@ -49,6 +51,11 @@ class Kind:
     stops: frozenset[Mode]
     armable: frozenset[Mode]
     streams_hz: Mapping[int, float]
+
+    @property
+    def is_px4(self) -> bool:
+        """Whether modes are packed, and targets are taken only while they keep coming."""
+        return self.autopilot == int(mav.MAV_AUTOPILOT_PX4)
 
     def mode(self, number: int) -> Mode | None:
         """Return the mode with this number, or None."""
@@ -71,6 +78,7 @@ _UNASKED: Final = (
 ROVER: Final = Kind(
     name="rover",
     mav_type=mav.MAV_TYPE_GROUND_ROVER,
+    autopilot=mav.MAV_AUTOPILOT_ARDUPILOTMEGA,
     flies=False,
     numbers={Mode.MANUAL: 0, Mode.HOLD: 4, Mode.AUTO: 10, Mode.RTL: 11, Mode.GUIDED: 15},
     first=Mode.MANUAL,
@@ -84,6 +92,7 @@ ROVER: Final = Kind(
 COPTER: Final = Kind(
     name="copter",
     mav_type=mav.MAV_TYPE_QUADROTOR,
+    autopilot=mav.MAV_AUTOPILOT_ARDUPILOTMEGA,
     flies=True,
     numbers={
         Mode.STABILIZE: 0, Mode.AUTO: 3, Mode.GUIDED: 4, Mode.LOITER: 5, Mode.RTL: 6, Mode.LAND: 9, Mode.BRAKE: 17,
@@ -95,5 +104,24 @@ COPTER: Final = Kind(
     streams_hz={mav.MAVLINK_MSG_ID_HEARTBEAT: 1.0},
 )  # fmt: skip
 """A multicopter; without a pilot it hovers in STABILIZE and LOITER, or stays on the ground."""
+
+
+def packed(main: float, sub: float = 0.0) -> int:
+    """Return PX4's number of a main mode and a sub mode."""
+    return int(main) << 16 | int(sub) << 24
+
+
+PX4_COPTER: Final = replace(
+    COPTER,
+    autopilot=mav.MAV_AUTOPILOT_PX4,
+    numbers={
+        Mode.STABILIZE: packed(7), Mode.LOITER: packed(4, 3), Mode.AUTO: packed(4, 4), Mode.RTL: packed(4, 5),
+        Mode.LAND: packed(4, 6), Mode.GUIDED: packed(6),
+    },
+    first=Mode.LOITER,
+    stop=Mode.LOITER,
+    stops=frozenset({Mode.LOITER, Mode.LAND}),
+)  # fmt: skip
+"""A multicopter of PX4, which calls LOITER HOLD, and GUIDED OFFBOARD."""
 
 KINDS: Final = {kind.name: kind for kind in (ROVER, COPTER)}

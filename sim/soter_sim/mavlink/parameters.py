@@ -75,6 +75,7 @@ _COPTER: Final = {
     "RTL_ALT": Parameter(100.0, 20.0, 10_000.0),
     "DISARM_DELAY": _whole(10, 0, 127),
 }
+_PX4: Final = {"COM_OF_LOSS_T": Parameter(1.0, 0.0, 60.0)}
 
 
 class Parameters:
@@ -96,7 +97,7 @@ class Parameters:
             else {"WP_SPEED": Parameter(v_max_m_s, 0.01, v_max_m_s)}
         )
         own = {"SYSID_THISMAV": _whole(robot_id, robot_id, robot_id)} | speed
-        known = own | _COMMON | (_COPTER if kind.flies else _ROVER)
+        known = own | _COMMON | (_COPTER if kind.flies else _ROVER) | (_PX4 if kind.is_px4 else {})
         known |= ({} if plain else _ADDED) | (_BROKEN if flawed else {})
         self.known: Final = dict(sorted(known.items()))
         self.names: Final = tuple(self.known)

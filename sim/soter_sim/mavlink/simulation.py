@@ -23,7 +23,7 @@ from soter_sim.mavlink.channel import Channel, Source
 from soter_sim.mavlink.copter import Copter
 from soter_sim.mavlink.flaws import LIKE, Flaws
 from soter_sim.mavlink.frames import Globe, Origin
-from soter_sim.mavlink.kinds import KINDS, Kind
+from soter_sim.mavlink.kinds import KINDS, PX4_COPTER, Kind
 from soter_sim.mavlink.links import Link, TcpLink, UdpLink
 from soter_sim.mavlink.rover import Rover
 from soter_sim.mavlink.setpoint import Vehicle
@@ -53,8 +53,8 @@ class Settings:
         rate_hz: control periods per second; None for 40, or for PyBullet's 20, its only rate.
         streams_hz: highest rate of a message; None for once a control period.
         plain: without this simulation's additions to ArduPilot: master, lease, yaw and speed of a place.
-        like: the real autopilot whose flaws it has, see `soter_sim.mavlink.flaws`; also implies `plain`. None for no
-            flaws.
+        like: the real autopilot that it is like, with its flaws as far as they are known, see
+            `soter_sim.mavlink.flaws`; also implies `plain`. None for none.
         speedup: simulated seconds per second, at most.
         boot_s: simulated time from power-on until an autopilot is ready.
         key: key of 32 bytes for signing, or None.
@@ -138,7 +138,7 @@ class Simulation:
         for spec in robots:
             if not 1 <= spec.id <= _SYSTEM_MOST:
                 raise ValueError(f"robot has the id {spec.id}, allowed on MAVLink: 1 to {_SYSTEM_MOST}")
-        kind = KINDS[settings.vehicle]
+        kind = PX4_COPTER if settings.like == "px4" else KINDS[settings.vehicle]
         plan = workspace.plan.origin if isinstance(workspace, Site) else None
         there = settings.origin
         if plan is not None and there[:2] != Origin()[:2]:
@@ -216,7 +216,7 @@ class Simulation:
         autopilot = Autopilot(
             robot_id, kind, vehicle, self._origin, settings.boot_s, transmit,
             plain=settings.plain or settings.like is not None,
-            flaws=None if settings.like is None else Flaws(flies=kind.flies),
+            flaws=None if settings.like is None or kind.is_px4 else Flaws(flies=kind.flies),
         )  # fmt: skip
         most_hz = min(settings.streams_hz or inf, 1.0 / world.period_s)
         return Station(autopilot, self._channels, transmit, most_hz, self.clock_s)

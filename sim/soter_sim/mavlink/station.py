@@ -174,8 +174,11 @@ class Station:
         self, by: Source, message: Message, read: Callable[[Autopilot, Message], Place | Velocity]
     ) -> None:
         autopilot = self.autopilot
+        autopilot.offboard.hear(autopilot.now_s)
+        # A PX4 takes off by a target.
+        grounded = autopilot.kind.flies and autopilot.landed and not autopilot.kind.is_px4
         # As on any autopilot, a target at the wrong time is not answered.
-        if autopilot.mode is not Mode.GUIDED or not autopilot.armed or (autopilot.kind.flies and autopilot.landed):
+        if autopilot.mode is not Mode.GUIDED or not autopilot.armed or grounded:
             return
         try:
             target = read(autopilot, message)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import cos, degrees, hypot, sin
+from math import cos, degrees, hypot, nan, sin
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -66,9 +66,7 @@ def heartbeat(autopilot: Autopilot) -> Message:
     else:
         status = mav.MAV_STATE_ACTIVE if autopilot.armed else mav.MAV_STATE_STANDBY
     kind = autopilot.kind
-    return mav.MAVLink_heartbeat_message(
-        kind.mav_type, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, base, kind.numbers[autopilot.mode], status, 3
-    )
+    return mav.MAVLink_heartbeat_message(kind.mav_type, kind.autopilot, base, kind.numbers[autopilot.mode], status, 3)
 
 
 def local_position_ned(autopilot: Autopilot) -> Message | None:
@@ -164,13 +162,28 @@ def battery_status(autopilot: Autopilot) -> Message:
     )  # fmt: skip
 
 
-def ekf_status_report(autopilot: Autopilot) -> Message:
-    """Return EKF_STATUS_REPORT."""
+def ekf_status_report(autopilot: Autopilot) -> Message | None:
+    """Return EKF_STATUS_REPORT, which is ArduPilot's."""
+    if autopilot.kind.is_px4:
+        return None
     ready = autopilot.ready
     variance = 0.01 if ready else 0.9
     return mav.MAVLink_ekf_status_report_message(
         EKF_READY if ready else EKF_NOT_READY, variance, variance, variance, variance, 0.0
     )
+
+
+def estimator_status(autopilot: Autopilot) -> Message | None:
+    """Return ESTIMATOR_STATUS, which is PX4's: on the ground its position is constant, too, and its compass unused."""
+    if not autopilot.kind.is_px4:
+        return None
+    flags = EKF_READY if autopilot.ready else EKF_NOT_READY
+    if autopilot.landed:
+        flags |= mav.ESTIMATOR_CONST_POS_MODE
+    message: Message = mav.MAVLink_estimator_status_message(
+        1000 * autopilot.boot_ms, flags, 0.01, 0.01, 0.01, nan, 0.01, 0.0, 0.1, 0.1
+    )
+    return message
 
 
 def home_position(autopilot: Autopilot) -> Message | None:
@@ -296,6 +309,7 @@ BUILDERS: Final[Mapping[int, Build]] = {
     mav.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: battery_status,
     mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: ekf_status_report,
+    mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator_status,
     mav.MAVLINK_MSG_ID_HOME_POSITION: home_position,
     mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,

@@ -29,9 +29,14 @@ HAPPENS_S = 5.0
 HOLD, MANUAL = 4.0, 0.0
 
 
+def example(like: str) -> Path:
+    """Return the mission file for vehicles that are like these."""
+    return EXAMPLES / {"px4": "arducopter"}.get(like, like) / "mission.toml"
+
+
 def options(like: str) -> dict[str, Any]:
     """Return the options of an example; in virtual time the vehicles' period is no longer than a sample is old."""
-    given = dict(tomllib.loads((EXAMPLES / like / "mission.toml").read_text(encoding="utf-8"))["backends"]["mavlink"])
+    given = dict(tomllib.loads(example(like).read_text(encoding="utf-8"))["backends"]["mavlink"])
     promise = given["promise"]
     waits_s = promise["latency_s"] + promise["setpoint_period_s"]
     return given | {"promise": promise | {"setpoint_period_s": 0.1, "latency_s": waits_s - 0.1}}
@@ -43,7 +48,7 @@ def run(
     """Run an example; `happens` is called after every tick with the wire and the time since `HAPPENS_S`."""
     given = {key: value for key, value in options(like).items() if key != "connection"} | {"like": like}
     overrides = {"backend": BACKEND, "duration_s": duration_s, "targets": "hostile", "backends": {BACKEND: given}}
-    mission = load_mission(EXAMPLES / like / "mission.toml", overrides)
+    mission = load_mission(example(like), overrides)
 
     def pace(now_s: float) -> None:
         happens(VirtualBackend.wire, round(now_s - HAPPENS_S, 3))
@@ -141,7 +146,7 @@ def test_a_home_that_moves_is_said_and_takes_no_vehicle_away(caplog: pytest.LogC
     assert said[0].startswith("robot 1: its HOME has moved by ")
 
 
-@pytest.mark.parametrize("like", ["ardurover", "arducopter"])
+@pytest.mark.parametrize("like", ["ardurover", "arducopter", "px4"])
 def test_with_all_their_flaws_two_vehicles_drive_their_mission_and_stand_in_the_end(like: str) -> None:
     fastest_m_s = 0.0
 
@@ -158,6 +163,24 @@ def test_with_all_their_flaws_two_vehicles_drive_their_mission_and_stand_in_the_
     autopilots = VirtualBackend.wire.autopilots
     assert {each.mode.value for each in autopilots} == {"HOLD" if like == "ardurover" else "LAND"}
     assert not any(each.armed for each in autopilots if not each.kind.flies)
+
+
+def test_a_px4_that_hears_no_more_targets_holds_and_is_taken_back_once_they_come_again() -> None:
+    held: list[str] = []
+    mode = "it is in the mode HOLD, not OFFBOARD"
+
+    def stands_still(wire: Wire, now_s: float) -> None:
+        # The mission's own process, for longer than COM_OF_LOSS_T.
+        if now_s == 0.0:
+            wire.sleep(2.0)
+            held.extend(each.mode.value for each in wire.autopilots)
+            assert max(map(abs, wire.world.bodies.v)) < 0.1
+
+    result = run(stands_still, 20.0, "px4")
+    assert held == ["LOITER", "LOITER"]
+    assert (result.status, result.violations) == ("completed", SAFE)
+    assert {each.cause for each in result.uncontrolled.values()} == {f"not under control: {mode}"}
+    assert all(each.lasted_s < 8.0 for each in result.uncontrolled.values())
 
 
 def test_when_nobody_is_heard_any_more_a_vehicle_is_at_rest_well_within_what_is_promised() -> None:
@@ -183,7 +206,7 @@ def test_when_nobody_is_heard_any_more_a_vehicle_is_at_rest_well_within_what_is_
 
 def given_vehicle(like: str = "ardurover", **promise: Any) -> tuple[VirtualConfig, RobotSpec]:
     """Return the first vehicle of an example, as a mission file has it."""
-    workspace = load_mission(EXAMPLES / like / "mission.toml").read_workspace()
+    workspace = load_mission(example(like)).read_workspace()
     given = {key: value for key, value in options(like).items() if key != "connection"}
     given["promise"] = {**given["promise"], **promise}
     config = VirtualConfig.model_validate({**given, "like": like, "workspace": workspace})

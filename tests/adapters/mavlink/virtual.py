@@ -131,7 +131,7 @@ class _Fleet(Fleet):
 class VirtualConfig(MavlinkConfig):
     """Options of it: those of `mavlink`, and the flaws."""
 
-    like: Literal["ardurover", "arducopter"] | None = None
+    like: Literal["ardurover", "arducopter", "px4"] | None = None
 
 
 class VirtualBackend(MavlinkBackend):
