@@ -38,7 +38,7 @@ test-autopilot: ## Real ArduPilots built for SITL: make test-autopilot ARDUROVER
 	@test -x "$(ARDUROVER)$(ARDUCOPTER)" -o -x "$(ARDUROVER)" -a -x "$(ARDUCOPTER)" || \
 		{ echo "ARDUROVER is '$(ARDUROVER)' and ARDUCOPTER '$(ARDUCOPTER)', allowed: programs built for SITL, at least one"; exit 2; }
 	@tools/env.sh test
-	ARDUROVER="$(ARDUROVER)" ARDUCOPTER="$(ARDUCOPTER)" $(VENV)/python -m pytest tests/autopilot $(PYTEST_ARGS)
+	ARDUROVER="$(ARDUROVER)" ARDUCOPTER="$(ARDUCOPTER)" $(VENV)/python -m pytest -s tests/autopilot $(PYTEST_ARGS)
 
 .PHONY: test-distributed
 test-distributed: ## Cut a robot of a mission in three processes off for 30 s, in network namespaces if permitted

@@ -177,3 +177,17 @@ def test_the_same_text_does_not_flood_the_link() -> None:
             rig.target(math.nan, 0.0)
             rig.run(rig.period_s)
         assert 2 <= len(rig.client.texts()) <= 4
+
+
+def test_home_is_moved_to_where_the_vehicle_is_or_to_a_place() -> None:
+    set_home = mav.MAV_CMD_DO_SET_HOME
+    with Rig() as rig:
+        rig.guided()
+        assert rig.command(set_home, 0.0, 0.0, 0.0, 0.0, 47.0, 8.0, 488.0) == UNSUPPORTED
+        assert rig.command_int(set_home, x=10, y=10, z=math.nan, frame=mav.MAV_FRAME_GLOBAL) == DENIED
+        assert rig.autopilot.home == pytest.approx((5.0, 5.0, 0.0))
+        x, y = rig.autopilot.origin.geodetic_e7(7.0, 8.0)
+        assert rig.command_int(set_home, x=x, y=y, z=489.0, frame=mav.MAV_FRAME_GLOBAL) == ACCEPTED
+        assert rig.autopilot.home == pytest.approx((7.0, 8.0, 1.0), abs=0.02)
+        assert rig.command_int(set_home, 1.0) == ACCEPTED
+        assert rig.autopilot.home == pytest.approx((5.0, 5.0, 0.0))

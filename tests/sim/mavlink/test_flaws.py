@@ -99,3 +99,34 @@ def test_wind_sways_a_copter(wind_m_s: float) -> None:
 def test_a_copter_is_like_no_rover() -> None:
     with pytest.raises(ValueError, match="like is 'ardurover', allowed for a copter: arducopter"):
         Settings(vehicle="copter", like="ardurover", tcp=(0,))
+
+
+def parameter(rig: Rig, name: bytes, value: float) -> None:
+    rig.client.send(mav.MAVLink_param_set_message(1, 1, name, value, mav.MAV_PARAM_TYPE_REAL32))
+    rig.run(2.0 * rig.period_s)
+
+
+def said(rig: Rig, message_id: int, name: str) -> mav.MAVLink_message:
+    rig.command(mav.MAV_CMD_REQUEST_MESSAGE, message_id)
+    return rig.client.take(name)[-1]
+
+
+def test_its_gps_says_how_far_it_is_off() -> None:
+    with rover() as rig:
+        assert said(rig, mav.MAVLINK_MSG_ID_GPS_RAW_INT, "GPS_RAW_INT").h_acc == 300
+        parameter(rig, b"SIM_GPS1_ACC", 5.0)
+        assert said(rig, mav.MAVLINK_MSG_ID_GPS_RAW_INT, "GPS_RAW_INT").h_acc == 5000
+
+
+def test_another_ekf_has_its_origin_where_the_vehicle_is_when_it_is_chosen() -> None:
+    with rover() as rig:
+        first = said(rig, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, "GPS_GLOBAL_ORIGIN")
+        for ekf, origin_m in ((2.0, 5.0), (3.0, 0.0)):
+            parameter(rig, b"AHRS_EKF_TYPE", ekf)
+            at = said(rig, mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED, "LOCAL_POSITION_NED")
+            assert (at.x, at.y) == pytest.approx((5.0 - origin_m, 5.0 - origin_m), abs=0.15)
+            now = said(rig, mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, "GPS_GLOBAL_ORIGIN")
+            assert (now.latitude - first.latitude) * 0.0111319 == pytest.approx(origin_m, abs=0.02)
+        rig.target(5.06, 5.0)
+        rig.run(3.0)
+        assert rig.at() == pytest.approx((5.06, 5.0), abs=0.1)
