@@ -285,9 +285,12 @@ def test_a_gps_that_says_how_far_it_is_off_is_waited_for_where_the_options_ask_f
     assert "allowed: gps_accuracy_m = 0.20" in tick(puppet, robot, 2)[-1]
 
 
+@pytest.mark.parametrize("autopilot", [mav.MAV_AUTOPILOT_ARDUPILOTMEGA, mav.MAV_AUTOPILOT_PX4], ids=["ardu", "px4"])
 @pytest.mark.parametrize("moves", [True, False], ids=["moves", "corrected"])
-def test_a_place_that_leaps_is_no_sample_before_the_origin_is_known_again(puppet: Puppet, moves: bool) -> None:
-    puppet.gate = False
+def test_a_place_that_leaps_is_no_sample_before_the_origin_is_known_again(
+    puppet: Puppet, moves: bool, autopilot: int
+) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_GROUND_ROVER, autopilot), False
     robot = ready(puppet, origin={"lat_deg": 47.397742, "lon_deg": 8.545594, "alt_m": 488.0})
     tick(puppet, robot, 2)
     puppet.deaf_to = {mav.MAV_CMD_REQUEST_MESSAGE}
