@@ -11,6 +11,7 @@ import select
 import socket
 import subprocess
 import threading
+from collections.abc import Collection
 from contextlib import suppress
 from typing import Any, ClassVar, Final
 
@@ -40,7 +41,7 @@ _BOOT_S: Final = "0.5"
 
 
 class MavlinkRelay(ImpairedRelay):
-    """Passes datagrams on, both ways. Broadcasts are dropped while any vehicle is cut off.
+    """Passes datagrams on, both ways; broadcasts to those vehicles that share no socket with one that is cut off.
 
     Args:
         adapter_port: the port on which the adapter listens.
@@ -53,10 +54,11 @@ class MavlinkRelay(ImpairedRelay):
         self.port: Final[int] = self._vehicles.getsockname()[1]
         self._parser: Final = mav.MAVLink(None)
         self._parser.robust_parsing = True
-        self._peers: set[tuple[str, int]] = set()
+        self._peers: dict[tuple[str, int], set[int]] = {}
         # Vehicles share a link, and so its order. The vehicle of each datagram is looked up, to cut off only some.
         self._up: Final = Line(EVERYBODY, lambda datagram: _send(self._adapter, datagram, (_HOST, adapter_port)))
         self._down: Final = Line(EVERYBODY, self._tell)
+        self._broadcast: Final = Line(EVERYBODY, lambda datagram: self._tell(datagram, self.cut))
         super().__init__()
         self._ended: Final = threading.Event()
         self._hearing: Final = threading.Thread(target=self._hear, name="mavlink-relay", daemon=True)
@@ -73,10 +75,11 @@ class MavlinkRelay(ImpairedRelay):
         """Send the vehicles a message as if it came from the keeper of a ground station."""
         self._tell(message.pack(mav.MAVLink(None, system, KEEPER)))
 
-    def _tell(self, datagram: bytes) -> None:
+    def _tell(self, datagram: bytes, but: Collection[int] = ()) -> None:
         # Simulated vehicles share a socket, others have one each, and know by the ids what is for them.
-        for peer in tuple(self._peers):
-            _send(self._vehicles, datagram, peer)
+        for peer, systems in tuple(self._peers.items()):
+            if systems.isdisjoint(but):
+                _send(self._vehicles, datagram, peer)
 
     def _hear(self) -> None:
         while not self._ended.is_set():
@@ -94,10 +97,13 @@ class MavlinkRelay(ImpairedRelay):
                 # The other end is not there: an earlier datagram to it came back as an error.
                 continue
             if upwards:
-                self._peers.add(peer)
-            system = self._sender(datagram) if upwards else self._addressee(datagram)
-            if not (self.cut and (system in self.cut or system == EVERYBODY)):
-                self.pass_on(self._up if upwards else self._down, datagram)
+                system, line = self._sender(datagram), self._up
+                self._peers.setdefault(peer, set()).add(system)
+            else:
+                system = self._addressee(datagram)
+                line = self._broadcast if system == EVERYBODY else self._down
+            if line is self._broadcast or not (self.cut and (system in self.cut or system == EVERYBODY)):
+                self.pass_on(line, datagram)
 
     @staticmethod
     def _sender(datagram: bytes) -> int:

@@ -97,9 +97,7 @@ def no_success(bench: Bench) -> None:
         f"the link was cut for {silent_s:.0f} s, and 5 s after it came back the robot is not heard: what hears gives "
         "up for good after some seconds of silence; it must go on for as long as the robot is open",
     )
-    if not bench.harness.starts_robots:
-        # A fail-safe of its own has acted by then: it may have to arm or to take off again, which is said meanwhile.
-        bench.run(bench.harness.connect_timeout_s, lambda: _renewed(robot))
+    _get_ready_again(bench, robot)
     bench.go(
         robot, bench.place(robot, -0.2, 0.3),
         cause=f"after a silence of {silent_s:.0f} s samples came back, but the way to the robot did not",
@@ -166,6 +164,7 @@ def reconnects(bench: Bench) -> None:
     bench.require(
         came_back, "5 s after the link came back no new sample has arrived: the adapter must reconnect by itself"
     )
+    _get_ready_again(bench, robot)
     if bench.caps.reports_controller:
         _hands_over_as_before(bench, robot)
     bench.go(
@@ -199,6 +198,15 @@ def _hands_over_as_before(bench: Bench, robot: Robot) -> None:
             bench.fit_s, "since the link is back the robot is told things late: an adapter that holds back for a while "
             "after an outage, to spare a link that is bad, holds hand-overs and renewals back", spread=taken_s,
         )  # fmt: skip
+
+
+def _get_ready_again(bench: Bench, *robots: Robot) -> None:
+    """Wait for robots that the kit did not start, and that are heard again, as long as they say that they do not obey.
+
+    Fail-safes of their own may have acted, so that they have to arm or to take off again.
+    """
+    if not bench.harness.starts_robots:
+        bench.run(bench.harness.connect_timeout_s, lambda: all(_renewed(robot) for robot in robots))
 
 
 def _renewed(robot: Robot) -> bool:
@@ -273,6 +281,7 @@ def one_of_two(bench: Bench) -> None:
         )
         bench.harness.restore(lost.id)
         bench.run(5.0, lambda lost=lost: lost.read_state().link is Link.UP)  # type: ignore[misc]
+        _get_ready_again(bench, lost)
 
 
 @clause("link.reconnects_each", tier=Tier.WIRE, hooks=("cut",))
@@ -285,6 +294,7 @@ def reconnects_each(bench: Bench) -> None:
         bench.harness.restore(robot.id)
     back = bench.run(5.0, lambda: all(robot.read_state().link is Link.UP for robot in robots))
     bench.require(back, "5 s after both links came back not both robots are heard of: the adapter must reconnect each")
+    _get_ready_again(bench, *robots)
     for robot, other in (robots, robots[::-1]):
         off_m = bench.look(robot).distance_m(robot.spec.x_m, robot.spec.y_m)
         bench.require(

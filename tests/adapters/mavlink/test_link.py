@@ -368,7 +368,14 @@ def test_the_kits_relay_tells_vehicles_that_send_from_ports_of_their_own() -> No
     # The first one is told, too, though the other one was heard last.
     told = packed(mav.MAVLink_set_mode_message(1, 1, 15), 255, 190)
     adapter.sendto(told, there)
-    assert first.recvfrom(64)[0] == told
+    assert first.recvfrom(64)[0] == second.recvfrom(64)[0] == told
+    # Of what is for all, only one that is cut off hears nothing.
+    relay.cut = frozenset({2})
+    adapter.sendto(packed(HEARTBEAT, 255, 190), there)
+    assert first.recvfrom(64)[0] == packed(HEARTBEAT, 255, 190)
+    second.settimeout(0.1)
+    with pytest.raises(TimeoutError):
+        second.recvfrom(64)
     relay.close()
     for each in opened:
         each.close()
