@@ -5,7 +5,7 @@
 
 VENV := .venv/bin
 # Processes that run the tests, more than cores because many tests wait for a wire; with 0 they run in the order of the files, in one process.
-WORKERS ?= 4
+WORKERS ?= 6
 # Tests of ROS 2 measure times on a wire: no more at once than keep the cores busy.
 ROS2_WORKERS ?= 3
 # Tests start hundreds of processes, each of which would compile all of SOTER anew.
