@@ -82,16 +82,18 @@ def highest_speedup(
 def refused_at(
     failure: IllFormedModule, mission: MissionFile, workspace: Workspace, backend: type[Backend], config: BackendConfig
 ) -> IllFormedModule:
-    """Return the failure with the highest admissible speed-up added, if the backend has a speed-up."""
-    most = getattr(config, "speedup", None)
-    if not isinstance(most, float):
-        return failure
-    highest = highest_speedup(mission, workspace, backend, config, most)
-    if highest is None:
-        return failure
-    fits = math.floor(highest * 100.0) / 100.0
-    why = f"{failure.why}; or backends.{mission.backend}.speedup = {fits:g}, not {most:g}"
-    return IllFormedModule(failure.module, failure.condition, why)
+    """Return the failure with what else may be done: the highest admissible speed-up, and where to look further.
+
+    What would do for one condition may not do for another.
+    """
+    why, most = failure.why, getattr(config, "speedup", None)
+    highest = highest_speedup(mission, workspace, backend, config, most) if isinstance(most, float) else None
+    if highest is not None:
+        fits = math.floor(highest * 100.0) / 100.0
+        why += f"; or backends.{mission.backend}.speedup = {fits:g}, not {most:g}"
+    return IllFormedModule(
+        failure.module, failure.condition, f"{why}; `soter check` says which figures would do together"
+    )
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ from soter.geometry.reading import read_workspace
 from soter.geometry.site import Site
 from soter.geometry.site_toml import RobotTable, StationTable
 from soter.geometry.workspace import Workspace
+from soter.geometry.workspace_xml import BODY_RADIUS_M
 from soter.loading import file_of, seen_from
 from soter.problems import (
     MAX_NESTING,
@@ -163,6 +164,15 @@ class MissionFile(Table):
         given = (self.battery.initial or {}).get(robot_id)
         return draw_charge(self.seed, robot_id) if given is None else given
 
+    @property
+    def _least_radius_m(self) -> float:
+        """The radius of a TurtleBot, or the smallest that the mission gives; larger bodies are looked at by `check`."""
+        common = self.backends.get(self.backend, {}).get("promise", {})
+        given = [each.body_radius_m for each in self.robots.promises.values()]
+        given += [common.get("body_radius_m")] if isinstance(common, Mapping) else []
+        # What is no radius, its backend refuses.
+        return min([BODY_RADIUS_M, *(each for each in given if isinstance(each, int | float) and each > 0.0)])
+
     def read_workspace(self) -> Workspace:
         """Read the workspace, check the mission against it, and keep only the mission's robots.
 
@@ -179,6 +189,7 @@ class MissionFile(Table):
             self.workspace,
             phi_safer_m=self.rta.obstacle.phi_safer_m,
             spacing_m=self.rta.collision.phi_safer_m,
+            body_radius_m=self._least_radius_m,
             stations=[each.spot(number) for number, each in enumerate(self.station, start=1)],
             starts=[each.spot() for each in self.start],
         )

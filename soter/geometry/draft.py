@@ -130,7 +130,14 @@ def circle(x_m: float, y_m: float, radius_m: float, *, around: bool) -> Ring:
     return tuple((x_m + far_m * math.cos(angle), y_m + far_m * math.sin(angle)) for angle in angles)
 
 
-def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float, inhabited: bool = True) -> Site:
+def site_of(
+    draft: Draft,
+    *,
+    phi_safer_m: float,
+    spacing_m: float,
+    body_radius_m: float = BODY_RADIUS_M,
+    inhabited: bool = True,
+) -> Site:
     """Return the site that a draft describes.
 
     Args:
@@ -138,6 +145,7 @@ def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float, inhabited: bo
         phi_safer_m: body clearance from which the obstacle module gives a robot to its AC; starts and stations must
             have more.
         spacing_m: the least distance between the centres of two starts, and of two stations.
+        body_radius_m: radius of the smallest robot's body.
         inhabited: whether there must be a station.
 
     Raises:
@@ -176,7 +184,7 @@ def site_of(draft: Draft, *, phi_safer_m: float, spacing_m: float, inhabited: bo
         draft.map,
     )
     site = Site(plan)
-    _check_places(draft, site, phi_safer_m, spacing_m)
+    _check_places(draft, site, phi_safer_m, spacing_m, body_radius_m)
     _stop(draft)
     return site
 
@@ -305,7 +313,7 @@ def _robots(draft: Draft, *, inhabited: bool) -> tuple[RobotPlace, ...]:
     )  # fmt: skip
 
 
-def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float) -> None:
+def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float, body_radius_m: float) -> None:
     needed_m = phi_safer_m + SLACK_M
     starts = [(f"start of robot {place.id}", (place.x_m, place.y_m)) for place in site.robots]
     stations = [(f"charging station of robot {place.id}", place.charger.centre) for place in site.robots]
@@ -314,15 +322,15 @@ def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float
             if not site.contains(*at):
                 draft.note(name, f"({at[0]:g}, {at[1]:g}) lies {-site.fence_m(*at):.3f} m outside of the fence")
                 continue
-            clearance_m = site.clearance_m(*at, BODY_RADIUS_M)
+            clearance_m = site.clearance_m(*at, body_radius_m)
             if clearance_m < needed_m - _ROUNDING_M:
-                found = _free_near(site, at, needed_m + BODY_RADIUS_M)
+                found = _free_near(site, at, needed_m + body_radius_m)
                 where = (
                     "there is no free place" if found is None else f"a free place is ({found[0]:.2f}, {found[1]:.2f})"
                 )
                 draft.note(
                     name,
-                    f"the body (radius {BODY_RADIUS_M:g} m) at ({at[0]:g}, {at[1]:g}) is {floor_m(clearance_m)} m from "
+                    f"the body (radius {body_radius_m:g} m) at ({at[0]:g}, {at[1]:g}) is {floor_m(clearance_m)} m from "
                     f"'{_nearest_area(site, at)}'; allowed: at least {needed_m:g} m; {where}",
                 )
             for other, there in spots[:index]:

@@ -10,7 +10,7 @@ from typing import Final
 from soter.errors import ConfigError
 from soter.geometry.draft import Spot, site_of
 from soter.geometry.workspace import Workspace
-from soter.geometry.workspace_xml import parse_workspace
+from soter.geometry.workspace_xml import BODY_RADIUS_M, parse_workspace
 from soter.problems import read_limited
 
 READERS: Final[dict[str, str]] = {
@@ -30,6 +30,7 @@ def read_workspace(
     *,
     phi_safer_m: float = 0.1,
     spacing_m: float = 0.5,
+    body_radius_m: float = BODY_RADIUS_M,
     stations: Sequence[Spot] = (),
     starts: Sequence[Spot] = (),
     inhabited: bool = True,
@@ -41,6 +42,7 @@ def read_workspace(
         phi_safer_m: body clearance from which the obstacle module gives a robot to its AC; starts and stations must
             have more.
         spacing_m: the least distance between the centres of two starts, and of two stations.
+        body_radius_m: radius of the smallest robot's body.
         stations: where robots charge, for a file without stations, such as a map.
         starts: where robots start, for such a file; without any they start on their stations.
         inhabited: whether there must be a station, which robots need.
@@ -56,7 +58,9 @@ def read_workspace(
         if given and (draft is None or own):
             raise ConfigError(f"{source} says itself where they are; allowed beside it: none", key=key)
     if draft is None:
-        return parse_workspace(data, source, phi_safer_m=phi_safer_m, spacing_m=spacing_m)
+        return parse_workspace(data, source, phi_safer_m=phi_safer_m, spacing_m=spacing_m, body_radius_m=body_radius_m)
     draft.stations += stations
     draft.starts += starts
-    return site_of(draft, phi_safer_m=phi_safer_m, spacing_m=spacing_m, inhabited=inhabited)
+    return site_of(
+        draft, phi_safer_m=phi_safer_m, spacing_m=spacing_m, body_radius_m=body_radius_m, inhabited=inhabited
+    )

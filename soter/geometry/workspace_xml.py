@@ -45,7 +45,9 @@ _GRAMMAR: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = 
 _ROOT = "configuration"
 
 
-def read_workspace(path: Path, *, phi_safer_m: float = 0.1, spacing_m: float = 0.5) -> Workspace:
+def read_workspace(
+    path: Path, *, phi_safer_m: float = 0.1, spacing_m: float = 0.5, body_radius_m: float = BODY_RADIUS_M
+) -> Workspace:
     """Read a workspace file.
 
     Args:
@@ -53,22 +55,29 @@ def read_workspace(path: Path, *, phi_safer_m: float = 0.1, spacing_m: float = 0
         phi_safer_m: body clearance from which the obstacle module gives a robot to its AC; starts and chargers must
             have `SLACK_M` more.
         spacing_m: the least distance between the centres of two starts, and of two chargers.
+        body_radius_m: radius of the smallest robot's body.
 
     Raises:
         ConfigError: the file cannot be read or something in it is not allowed; all problems are listed, each with its
             line.
     """
-    return parse_workspace(
-        read_limited(path, "workspace file"), str(path), phi_safer_m=phi_safer_m, spacing_m=spacing_m
-    )
+    data = read_limited(path, "workspace file")
+    return parse_workspace(data, str(path), phi_safer_m=phi_safer_m, spacing_m=spacing_m, body_radius_m=body_radius_m)
 
 
-def parse_workspace(data: bytes, source: str, *, phi_safer_m: float = 0.1, spacing_m: float = 0.5) -> Workspace:
+def parse_workspace(
+    data: bytes,
+    source: str,
+    *,
+    phi_safer_m: float = 0.1,
+    spacing_m: float = 0.5,
+    body_radius_m: float = BODY_RADIUS_M,
+) -> Workspace:
     """Read a workspace from the bytes of an XML file; `source` names it in errors. See `read_workspace`."""
     if len(data) > MAX_FILE_BYTES:
         raise ConfigError(f"the workspace is longer than {MAX_FILE_BYTES} bytes", source=source)
     root = parse_tree(data, source, _ROOT)
-    reader = _Reader(root, phi_safer_m, spacing_m)
+    reader = _Reader(root, phi_safer_m, spacing_m, body_radius_m)
     workspace = reader.read()
     if workspace is None:
         raise config_error(reader.problems, source)
@@ -78,11 +87,12 @@ def parse_workspace(data: bytes, source: str, *, phi_safer_m: float = 0.1, spaci
 class _Reader:
     """Walks the tree and notes every problem; elements with problems are left out of further checks."""
 
-    def __init__(self, root: Element, phi_safer_m: float, spacing_m: float) -> None:
+    def __init__(self, root: Element, phi_safer_m: float, spacing_m: float, body_radius_m: float) -> None:
         self.root = root
         self.problems: list[Problem] = []
         self.needed_m = phi_safer_m + SLACK_M
         self.spacing_m = spacing_m
+        self.radius_m = body_radius_m
 
     def read(self) -> Workspace | None:
         if self.root.tag != _ROOT:
@@ -289,16 +299,16 @@ class _Reader:
 
     def _check_clearance(self, workspace: Workspace, spots: list[tuple[Element, str, float, float]]) -> None:
         for element, key, x_m, y_m in spots:
-            clearance_m = workspace.clearance_m(x_m, y_m, BODY_RADIUS_M)
+            clearance_m = workspace.clearance_m(x_m, y_m, self.radius_m)
             # An exact 0.15 m must pass, although it is inexact in binary.
             if clearance_m >= self.needed_m - 1e-9:
                 continue
-            if clearance_m < -BODY_RADIUS_M:
+            if clearance_m < -self.radius_m:
                 wrong = "it lies in a box"
             elif clearance_m < 0.0:
-                wrong = f"the body (radius {BODY_RADIUS_M:g} m) would overlap a box by {-clearance_m:.3f} m"
+                wrong = f"the body (radius {self.radius_m:g} m) would overlap a box by {-clearance_m:.3f} m"
             else:
-                wrong = f"the body (radius {BODY_RADIUS_M:g} m) would be only {floor_m(clearance_m)} m from a box"
+                wrong = f"the body (radius {self.radius_m:g} m) would be only {floor_m(clearance_m)} m from a box"
             self._note(
                 element,
                 key,
@@ -308,7 +318,7 @@ class _Reader:
 
     def _nearest_pose(self, workspace: Workspace, x_m: float, y_m: float) -> str:
         """Return the nearest pose that would do, rounded such that the rounded pose still would."""
-        needed_m = self.needed_m + BODY_RADIUS_M
+        needed_m = self.needed_m + self.radius_m
         # A centimetre grid moves the point by at most 7.1 mm.
         found = workspace.nearest_free(x_m, y_m, needed_m + 0.0075)
         if found is not None:

@@ -192,6 +192,19 @@ def test_clearance_follows_the_mission(tmp_path: Path) -> None:
         load_mission(written(tmp_path, "[rta.obstacle]\nphi_safer_m = 0.5\n")).read_workspace()
 
 
+@pytest.mark.parametrize("table", ["robots.2", "backends.pybullet.promise"])
+def test_clearance_is_that_of_the_smallest_body(tmp_path: Path, table: str) -> None:
+    def robots(radius_m: str) -> int:
+        text = f"rta.obstacle.phi_safer_m = 0.5\n[{table}]\nbody_radius_m = {radius_m}\n"
+        return len(load_mission(written(tmp_path, text)).read_workspace().robots)
+
+    assert robots("0.05") == 2
+    # Of a larger body, a TurtleBot's clearance is asked here, and its own where its promise is known.
+    for radius_m, shown in (("0.08", "0.08"), ("0.2", "0.105"), ("-1.0" if "backends" in table else "0.3", "0.105")):
+        with pytest.raises(ConfigError, match=rf"the body \(radius {shown} m\) would be only"):
+            robots(radius_m)
+
+
 def test_a_missing_mission_is_named_with_the_nearest(tmp_path: Path) -> None:
     written(tmp_path, "")
     with pytest.raises(ConfigError, match=r"n\.toml: this mission file does not exist, did you mean 'm\.toml'\?$"):
