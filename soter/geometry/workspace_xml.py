@@ -19,9 +19,6 @@ SLACK_M = 0.05
 
 MAX_SIZE_M = 10_000.0
 
-MAX_AREA_M2 = 100_000.0
-"""Largest area: refuges are kept as cells of 0.1 m, and this many fill most of a GiB."""
-
 MIN_STATION_M = 0.1
 """Least side: a robot comes to rest within some centimetres of the middle, and charges only on the station."""
 
@@ -202,10 +199,6 @@ class _Reader:
         if size is not None and min(size) <= 0.0:
             name = "xyz"[size.index(min(size))]
             self._note(element, "<dimension>", f"{name} is {min(size):g}, allowed: above 0")
-            return None
-        if size is not None and size[0] * size[1] > MAX_AREA_M2:
-            message = f"x times y is {size[0] * size[1]:.6g} m2, allowed: at most {MAX_AREA_M2:g} m2"
-            self._note(element, "<dimension>", message)
             return None
         return size
 

@@ -138,6 +138,9 @@ class _Host:
             make: Callable[..., MissionHost] = resolve_name(spec.factory)
             away = {} if spec.part is None else {"part": spec.part}
             host = make(spec.mission, spec.workspace, spec.body_radius_m, virtual_time=False, **away)
+            for radius_m in {*spec.body_radius_m.values()}:
+                # Kept from here on: that of a large workspace takes seconds to make, for which no tick can wait.
+                terrain_of(spec.workspace, radius_m)
             host.ready()
         except Exception as failure:
             if not isinstance(failure, ConfigError | BackendError):

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from soter.geometry.convex import Pieces
 from soter.geometry.site import Site, refuse
 from soter.geometry.workspace import Workspace
-from soter.stack.terrain import CELL_M, Point, Terrain
-
-_CELLS: Final = 1_000_000
-"""Most cells to retreat to: a large site has larger cells instead of more."""
+from soter.stack.terrain import Point, Terrain
 
 
 @lru_cache(maxsize=8)
@@ -36,23 +33,26 @@ class SiteTerrain(Terrain):
 
     def __init__(self, site: Site, body_radius_m: float) -> None:
         self.site: Final = site
+        # Looked up here: those of a large map take seconds to make, for which no tick can wait.
+        self._keep_outs: Final = site.keep_outs
+        self._outside: Final = site.outside
         self.workspace = site
         self.body_radius_m = body_radius_m
-        low_x, low_y, high_x, high_y = self.bounds = site.bounds
-        self._lay_cells(max(CELL_M, math.sqrt((high_x - low_x) * (high_y - low_y) / _CELLS)))
+        self.bounds = site.bounds
+        self._lay_cells()
 
     def fence_m(self, x_m: float, y_m: float) -> float:
-        return self.site.fence_m(x_m, y_m)
+        return self._outside.distance_m(x_m, y_m)
 
     def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         return self.site.fence_along_m(ax_m, ay_m, bx_m, by_m, enough_m)
 
     def leg_fence_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float) -> float:
         length = math.hypot(bx_m - ax_m, by_m - ay_m)
-        least = self.site.fence_m(ax_m, ay_m) - length
+        least = self._outside.distance_m(ax_m, ay_m) - length
         if least >= needed_m:
             return least - needed_m
-        return _leg_m(self.site.outside, (ax_m, ay_m), (bx_m, by_m), needed_m, slope) - needed_m
+        return _leg_m(self._outside, (ax_m, ay_m), (bx_m, by_m), needed_m, slope) - needed_m
 
     def inside(self, x_m: float, y_m: float, inset_m: float) -> Point:
         return self.site.freed(x_m, y_m, inset_m, -math.inf) if inset_m > -math.inf else (x_m, y_m)
@@ -62,25 +62,25 @@ class SiteTerrain(Terrain):
         return self.site.freed(x_m, y_m, inset_m, away_m)
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
-        return self.site.keep_outs.distance_m(x_m, y_m) - self.body_radius_m
+        return self._keep_outs.distance_m(x_m, y_m) - self.body_radius_m
 
     def walls(self, x_m: float, y_m: float, reach_m: float = math.inf) -> list[tuple[float, float, float]]:
         reach_m = min(reach_m, _ALL_M) + self.body_radius_m
         return [
-            (away_m - self.body_radius_m, ux, uy) for away_m, ux, uy in self.site.keep_outs.walls(x_m, y_m, reach_m)
+            (away_m - self.body_radius_m, ux, uy) for away_m, ux, uy in self._keep_outs.walls(x_m, y_m, reach_m)
         ]
 
     def leg_clearance_m(
         self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float
     ) -> float:
         needed_m, radius_m = needed_m + self.body_radius_m, self.body_radius_m
-        return _leg_m(self.site.keep_outs, (ax_m, ay_m), (bx_m, by_m), needed_m, slope) - radius_m
+        return _leg_m(self._keep_outs, (ax_m, ay_m), (bx_m, by_m), needed_m, slope) - radius_m
 
     def segment_clearance_m(
         self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf
     ) -> float:
         reach_m = enough_m + self.body_radius_m
-        found_m = self.site.keep_outs.segment_m(ax_m, ay_m, bx_m, by_m, reach_m)
+        found_m = self._keep_outs.segment_m(ax_m, ay_m, bx_m, by_m, reach_m)
         # At `reach_m` or beyond, the clearance is enough, whatever rounding says.
         return enough_m if found_m >= reach_m else max(found_m, 0.0) - self.body_radius_m
 
@@ -95,17 +95,17 @@ class SiteTerrain(Terrain):
             clearance_m: distance of the body from obstacles.
             inset_m: distance from the fence; below 0 for none.
         """
-        keep = self.site.keep_outs.lines_keep(a, b, clearance_m + self.body_radius_m)
-        return keep & self.site.outside.lines_keep(a, b, inset_m) if inset_m >= 0.0 else keep
+        keep = self._keep_outs.lines_keep(a, b, clearance_m + self.body_radius_m)
+        return keep & self._outside.lines_keep(a, b, inset_m) if inset_m >= 0.0 else keep
 
     @lru_cache(maxsize=16)  # noqa: B019 - terrains are few, and kept as long
     def roomy_cells(self, fence_m: float, clearance_m: float) -> NDArray[np.bool_]:
         fits = np.ones(self.cell_x.shape, dtype=np.bool_)
         if fence_m > -math.inf:
-            self._strike(fits, self.site.outside, fence_m)
+            self._strike(fits, self._outside, fence_m)
         if (field := self.site.field) is not None:
             return fits & field.at_least(self.cell_x, self.cell_y, clearance_m + self.body_radius_m)
-        self._strike(fits, self.site.keep_outs, clearance_m + self.body_radius_m)
+        self._strike(fits, self._keep_outs, clearance_m + self.body_radius_m)
         return fits
 
     def _strike(self, fits: NDArray[np.bool_], pieces: Pieces, needed_m: float) -> None:

@@ -15,8 +15,11 @@ from numpy.typing import NDArray
 
 from soter.geometry.workspace import Workspace, crosses
 
-CELL_M: Final = 0.1
-"""Side of the cells among which refuges are chosen."""
+_CELL_M: Final = 0.1
+"""Least side of the cells among which refuges are chosen."""
+
+_CELLS: Final = 1_000_000
+"""Most of these cells: a large workspace has larger ones instead."""
 
 _NEAR_CELL_M: Final = 0.5
 """Side of the cells for which the boxes that may be the nearest are kept."""
@@ -58,7 +61,7 @@ class Terrain:
         self.boxes: Final = workspace.boxes
         self._edges: Final = tuple((b.low_x_m, b.low_y_m, b.high_x_m, b.high_y_m) for b in workspace.boxes)
         self._near: dict[tuple[float, float], tuple[Edges, ...]] = {}
-        self._lay_cells(CELL_M)
+        self._lay_cells()
         self.cell_fence: Final[NDArray[np.float64]] = np.minimum(
             np.minimum(self.cell_x, self.width_m - self.cell_x), np.minimum(self.cell_y, self.depth_m - self.cell_y)
         )
@@ -69,10 +72,11 @@ class Terrain:
             np.minimum(clearance, np.hypot(dx, dy), out=clearance)
         self.cell_clearance: Final[NDArray[np.float64]] = clearance - body_radius_m
 
-    def _lay_cells(self, cell_m: float) -> None:
-        """Cover the bounds with cells of about `cell_m`."""
+    def _lay_cells(self) -> None:
+        """Cover the bounds with cells."""
         low_x, low_y, high_x, high_y = self.bounds
         wide_m, deep_m = high_x - low_x, high_y - low_y
+        cell_m = max(_CELL_M, math.sqrt(wide_m * deep_m / _CELLS))
         self._columns, self._rows = max(1, round(wide_m / cell_m)), max(1, round(deep_m / cell_m))
         xs = low_x + (np.arange(self._columns) + 0.5) * (wide_m / self._columns)
         ys = low_y + (np.arange(self._rows) + 0.5) * (deep_m / self._rows)

@@ -262,10 +262,6 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         xml().replace('<high x="1.2" y="1.2"', '<high x="0.89" y="1.2"'),
         ["room.xml:11: charging station 1: it is 0.09 m wide in x, allowed: at least 0.1 m"],
     ),
-    "too large to keep in memory": (
-        xml(dimension='<dimension x="12" y="9000" z="1"/>'),
-        ["room.xml:2: <dimension>: x times y is 108000 m2, allowed: at most 100000 m2"],
-    ),
     "floating": (
         xml().replace(BOX, '<low x="1" y="2" z="0.2"/><high x="1.9" y="3" z="1"/>'),
         ["room.xml:8: obstacle 1: low z is 0.2, allowed: 0, it stands on the ground"],

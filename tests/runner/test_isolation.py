@@ -21,7 +21,8 @@ from mcap.reader import make_reader
 from soter.cli.run import _exit_code
 from soter.config import MissionFile, load_mission
 from soter.errors import ConfigError, RunFailed
-from soter.runner import Follower, Run, run_mission
+from soter.isolation.messages import MAX_TURN_BYTES, Started, decode_up
+from soter.runner import Follower, Run, mission_process, run_mission
 from soter.runner.remote_host import NICENESS, RemoteMissionHost
 from soter.sdk import RobotSpec
 from soter.sdk.wire import Simulator
@@ -101,6 +102,25 @@ def test_a_hostile_mission_costs_its_robots_the_ac_and_no_tick(
     assert words in result.failure
     judge(run, words)
     assert len(hosts) == 1
+
+
+def test_a_missions_process_makes_its_terrains_before_it_says_that_it_has_started(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Those of a large workspace take longer than a mission may be silent for.
+    made: list[float] = []
+    monkeypatch.setattr(mission_process, "terrain_of", lambda workspace, radius_m: made.append(radius_m))
+    chosen = mission()
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with here, there:
+        spec = mission_process.MissionSpec(
+            "soter.runner.hosts:make_host", chosen, chosen.read_workspace(), {1: 0.1, 2: 0.2}, 0, 0
+        )
+        host = mission_process._Host(spec, there)._made()
+        assert host is not None
+        host.close()
+        assert isinstance(decode_up(here.recv(MAX_TURN_BYTES)), Started)
+    assert sorted(made) == [0.1, 0.2]
 
 
 @pytest.mark.parametrize(("ac", "words"), [("EatsMemory", "MemoryError"), ("Raises", "no way")])

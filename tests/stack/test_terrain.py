@@ -100,6 +100,12 @@ def test_a_window_is_at_the_edge_however_far_off_the_place_is(far_m: float) -> N
     )
 
 
+def test_a_large_room_has_larger_cells_instead_of_more() -> None:
+    kilometres = Terrain(Workspace(2000.0, 500.0, (), ()), RADIUS_M)
+    assert kilometres.cell_x.shape == (2000, 500)
+    assert kilometres.cell_fence.max() == pytest.approx(250.0, abs=1.0)
+
+
 def test_a_workspace_without_boxes_is_clear_everywhere() -> None:
     empty = Terrain(Workspace(3.0, 2.0, (), ()), RADIUS_M)
     assert empty.clearance_m(1.0, 1.0) == empty.segment_clearance_m(0.0, 0.0, 3.0, 2.0) == math.inf
