@@ -66,9 +66,7 @@ class SiteTerrain(Terrain):
 
     def walls(self, x_m: float, y_m: float, reach_m: float = math.inf) -> list[tuple[float, float, float]]:
         reach_m = min(reach_m, _ALL_M) + self.body_radius_m
-        return [
-            (away_m - self.body_radius_m, ux, uy) for away_m, ux, uy in self._keep_outs.walls(x_m, y_m, reach_m)
-        ]
+        return [(away_m - self.body_radius_m, ux, uy) for away_m, ux, uy in self._keep_outs.walls(x_m, y_m, reach_m)]
 
     def leg_clearance_m(
         self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float
