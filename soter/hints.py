@@ -19,15 +19,18 @@ def install_command(extra: str) -> str:
     if (_TREE / "pyproject.toml").is_file():
         tree = "." if Path.cwd() == _TREE else str(_TREE)
         return f'pip install -e "{tree}[{extra}]"'
-    return f'pip install "{_origin()}[{extra}]"'
+    origin = _origin()
+    if Path(origin).is_absolute() and not Path(origin).exists():
+        return f'pip install -e ".[{extra}]", in a clone of SOTER'
+    return f'pip install "{origin}[{extra}]"'
 
 
 def _origin() -> str:
-    """The file that SOTER was installed from while it is there, as pip has noted it; else the name on an index."""
+    """The file that SOTER was installed from, as pip has noted it; else the name on an index."""
     try:
         noted = distribution(DISTRIBUTION).read_text("direct_url.json")
         url = urlsplit(json.loads(noted)["url"]) if noted else None
     except (PackageNotFoundError, ValueError, KeyError):
         return DISTRIBUTION
     path = unquote(url.path) if url is not None and url.scheme == "file" else ""
-    return path if path and Path(path).exists() else DISTRIBUTION
+    return path or DISTRIBUTION

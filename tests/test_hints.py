@@ -28,14 +28,14 @@ def test_in_a_clone_the_clone_is_installed(monkeypatch: pytest.MonkeyPatch, tmp_
     assert hints.install_command("zenoh") == 'pip install -e ".[zenoh]"'
 
 
-def test_elsewhere_what_was_installed_is_while_it_is_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_elsewhere_what_was_installed_is_and_a_clone_where_that_is_gone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     wheel = tmp_path / "a wheel.whl"
     wheel.touch()
     gone = json.dumps({"url": "file:///nowhere/soter.whl"})
     monkeypatch.setattr(hints, "_TREE", tmp_path)
     for note, said in (
         (json.dumps({"url": wheel.as_uri()}), f'pip install "{wheel}[sign]"'),
-        (gone, 'pip install "soter-rta[sign]"'),
+        (gone, 'pip install -e ".[sign]", in a clone of SOTER'),
         ("no json", 'pip install "soter-rta[sign]"'),
         (None, 'pip install "soter-rta[sign]"'),
     ):
