@@ -57,7 +57,8 @@ def _bare_group(group: Any) -> Any:
 def tidy(command: Any, columns: int | None = None, above: typer.Context | None = None) -> None:
     """Fit the help of a command, and of all its subcommands, to the terminal.
 
-    Arguments and options without a value name no type, and epilogs are broken where a reader would break them.
+    Arguments and options without a value name no type, paragraphs lose the line breaks of their source, and epilogs are
+    broken where a reader would break them.
 
     Args:
         command: a command made by typer.
@@ -73,6 +74,8 @@ def tidy(command: Any, columns: int | None = None, above: typer.Context | None =
         if option.param_type_name == "argument":
             # Its name shows the kind of value, such as FILE.mcap; typer would add the Python type.
             option.display_type_rich = lambda ctx: None
+    if command.help:
+        command.help = "\n\n".join(" ".join(each.split()) for each in command.help.split("\n\n"))
     if command.epilog:
         command.epilog = fit(command.epilog, width)
     for each in getattr(command, "commands", {}).values():

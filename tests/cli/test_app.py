@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 import soter
 from soter.cli import app, main
 from soter.cli.exits import ExitCode, guard
-from soter.cli.help import fit, only
+from soter.cli.help import fit, only, tidy
 from tests.project.source import ROOT
 
 # Typer itself may load pydantic.
@@ -65,6 +65,18 @@ def test_help_names_no_type_for_arguments_and_for_options_that_take_no_value(
     text = capsys.readouterr().out
     assert "--help" in text
     assert re.findall(r"bool|<\w+>|list\[|\[\[", text) == []
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+def test_help_breaks_paragraphs_where_the_terminal_ends(columns: int) -> None:
+    command = typer.main.get_command(app)
+    tidy(command, columns)
+
+    def paragraphs(of: Any) -> list[str]:
+        below = [each for sub in getattr(of, "commands", {}).values() for each in paragraphs(sub)]
+        return [*(of.help or "").split("\n\n"), *below]
+
+    assert [each for each in paragraphs(command) if "\n" in each] == []
 
 
 @pytest.mark.parametrize("command", [[], ["run"], ["campaign"], ["campaign", "draw"]])
