@@ -27,10 +27,10 @@ EXAMPLES = """Examples:
   soter run examples/warehouse.toml --robots 3 --json result.json
   soter run examples/surveillance.toml --backend kinematic --ac adversary:chase
   soter run examples/surveillance.toml --ac greedy.py:Greedy
-  soter run examples/surveillance.toml --set rta.geofence.delta_s=0.25
+  soter run examples/surveillance.toml --set battery.initial.2=0.17
   soter run examples/surveillance.toml --record run.mcap
   soter run examples/surveillance.toml --live --open --pace 1
-  soter run examples/thesis.toml --duration 7200 --compare thesis
+  soter run examples/surveillance.toml --duration 7200 --compare thesis
   soter run examples/distributed/mission.toml --process alpha
 Exit codes:
   0  all went well

@@ -55,6 +55,16 @@ def test_examples_in_the_help_name_files_that_exist() -> None:
     assert [name for name in named if not (ROOT / name).is_file()] == []
 
 
+@pytest.mark.parametrize("option", ["--set", "--compare"])
+def test_examples_of_run_that_change_a_mission_are_accepted(option: str) -> None:
+    _, text = said("run", "--help")
+    [example] = [
+        line.split()[2:] for line in text.splitlines() if line.startswith("   soter run examples") and option in line
+    ]
+    quick = ["--backend", "kinematic", "--planner", "straight-line", "--duration", "1", "--no-record"]
+    assert said("run", *(str(ROOT / word) if "/" in word else word for word in example), *quick)[0] == ExitCode.OK
+
+
 @pytest.mark.parametrize("command", [[], ["run"], ["compare"], ["sim", "zenoh"], ["campaign", "draw"]])
 def test_help_names_no_type_for_arguments_and_for_options_that_take_no_value(
     command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
