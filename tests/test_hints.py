@@ -28,7 +28,7 @@ def test_in_a_clone_the_clone_is_installed(monkeypatch: pytest.MonkeyPatch, tmp_
     assert hints.install_command("zenoh") == 'pip install -e ".[zenoh]"'
 
 
-def test_elsewhere_what_was_installed_is_and_a_clone_where_that_is_gone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_elsewhere_what_was_installed_is_or_else_a_clone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     wheel = tmp_path / "a wheel.whl"
     wheel.touch()
     gone = json.dumps({"url": "file:///nowhere/soter.whl"})
