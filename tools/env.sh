@@ -8,6 +8,8 @@
 # Only ros2, which stands alone, has an environment of its own, .venv-ros2: the wheels of ROS 2 make every Python of
 # their environment start itself anew once, to find their libraries, and that should cost nobody else anything. There
 # are such wheels for Linux on x86-64; elsewhere nothing is installed, and the message says so.
+#
+# PYTHON names the Python to take, such as python3.13; an environment of another version is made anew.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -23,10 +25,12 @@ works() { # works PYTHON MODULES: it runs, is at least 3.11 and has the modules
     "$1" -c "import sys; sys.version_info >= (3, 11) or sys.exit(1); import $2" >/dev/null 2>&1
 }
 
-# PyBullet has wheels for Python 3.11 only, so that version comes first wherever it is. A name on the PATH proves
-# nothing: it may be a version manager's shim for a Python that is not installed.
+# What PYTHON names is taken, and nothing else. PyBullet has wheels for Python 3.11 only, so that version comes first
+# otherwise, wherever it is. A name on the PATH proves nothing: it may be a version manager's shim for a Python that is
+# not installed.
 find_python() {
-    local python without_venv=
+    local python without_venv= names=(python3.11 python3 python3.13 python3.12)
+    [ -z "${PYTHON:-}" ] || names=("$PYTHON")
     while read -r python; do
         if works "$python" "ensurepip, venv"; then
             echo "$python"
@@ -34,14 +38,18 @@ find_python() {
         elif works "$python" sys; then
             without_venv=${without_venv:-$python}
         fi
-    done < <(type -ap python3.11 python3 python3.13 python3.12 || true)
+    done < <(type -ap "${names[@]}" || true)
     if [ -n "$without_venv" ]; then
         echo "$without_venv cannot make virtual environments: its venv module is missing." >&2
     else
-        echo "SOTER needs Python 3.11 or newer, and there is none on the PATH." >&2
+        echo "SOTER needs Python 3.11 or newer, and there is none on the PATH${PYTHON:+ as PYTHON=$PYTHON}." >&2
     fi
     echo "On Debian or Ubuntu: apt-get install python3 python3-venv" >&2
     return 1
+}
+
+version() { # version PYTHON: such as 3.11, empty where it does not run
+    "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null || true
 }
 
 up_to_date() { # up_to_date NAME...: all of them are installed as they stand here
@@ -57,7 +65,7 @@ if [ "$1" = ros2 ] && [ "$(uname -sm)" != "Linux x86_64" ]; then
     echo "There are no wheels of ROS 2 for $(uname -sm); its tests are left out."
     exit 0
 fi
-if ! works "$venv/bin/python" pip; then
+if ! works "$venv/bin/python" pip || { [ -n "${PYTHON:-}" ] && [ "$(version "$venv/bin/python")" != "$(version "$PYTHON")" ]; }; then
     python=$(find_python)
     echo "Creating $venv with $("$python" --version) ($python)"
     "$python" -m venv --clear "$venv"

@@ -6,7 +6,9 @@ The ROS package is held to the distribution: the same version, all its launch fi
 from __future__ import annotations
 
 import ast
+import os
 import re
+import subprocess
 import tomllib
 from functools import cache
 from importlib.metadata import packages_distributions
@@ -52,6 +54,15 @@ def test_an_extra_brings_the_library_for_which_it_is_named(library: str, extra: 
         pytest.skip(f"{library} is not installed here")
     named = {canonicalize_name(Requirement(each).name) for each in PROJECT["optional-dependencies"][extra]}
     assert {canonicalize_name(name) for name in distributions} & named
+
+
+def test_python_is_the_one_that_is_named() -> None:
+    """Each job of the matrix hands its own on: else a 3.11 anywhere on the path would be taken in all of them."""
+    assert "PYTHON: python${{ matrix.python }}" in (ROOT / ".github/workflows/ci.yml").read_text()
+    named = {**os.environ, "PYTHON": "python3.0"}
+    made = subprocess.run([ROOT / "tools/env.sh", "test"], env=named, capture_output=True, text=True, check=False)
+    assert made.returncode == 1
+    assert "PYTHON=python3.0" in made.stderr
 
 
 def test_the_package_of_ros_is_this_version() -> None:
