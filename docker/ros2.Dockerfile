@@ -23,8 +23,8 @@ COPY soter soter
 COPY sim sim
 RUN /opt/soter/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps .
 COPY ros ros
-SHELL ["/bin/bash", "-c"]
-RUN source "/opt/ros/$ROS_DISTRO/setup.bash" && colcon build --base-paths ros --install-base /opt/soter-ros
+# Podman knows no SHELL.
+RUN bash -c 'source "/opt/ros/$ROS_DISTRO/setup.bash" && colcon build --base-paths ros --install-base /opt/soter-ros'
 COPY docker/ros2-entrypoint.sh /usr/local/bin/soter-entrypoint
 COPY examples /work/examples
 RUN useradd --home-dir /tmp soter && chown soter: /work
