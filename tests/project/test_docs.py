@@ -23,6 +23,11 @@ import soter
 import soter.machine
 import soter.sdk
 from soter.cli import app
+from soter.config import parse_mission
+from soter.errors import ConfigError
+from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.registry import backend_names, load_backend
+from soter.specs import read_options
 from tests.project.markdown import Block, blocks, links, prose
 from tests.project.source import ROOT
 
@@ -105,6 +110,29 @@ def test_commands_exist() -> None:
         options = {word.partition("=")[0] for word in words if word.startswith("--")}
         known = set(re.findall(r"--[a-z][a-z0-9-]*", help_text(*subcommand)))
         assert options <= known, f"{place}: soter {' '.join(subcommand)} knows no {sorted(options - known)}"
+
+
+def test_tables_of_mission_files_are_accepted() -> None:
+    """The pages' TOML, but for campaigns, workspaces and packages, which have other keys."""
+    room = Workspace(5.0, 5.0, (), (RobotPlace(1, 1.0, 1.0, Box(0.8, 0.8, 1.2, 1.2)),))
+    count = 0
+    for page in PAGES:
+        for block in blocks(page):
+            if block.language != "toml" or page.name == "campaigns.md" or re.match(r"\[(fence|project)", block.code):
+                continue
+            place = f"{page.relative_to(ROOT)}:{block.line}"
+            text = block.code if "workspace =" in block.code else f'workspace = "room.xml"\n{block.code}'
+            tables = parse_mission(text.encode(), place).backends
+            for name in {*tables} & {*backend_names()}:
+                mission = parse_mission(f'backend = "{name}"\n{text}'.encode(), place)
+                try:
+                    read_options(load_backend(name, to_open=False), mission, room)
+                except ConfigError as refused:
+                    # Keys and certificates are the reader's.
+                    if not all("No such file" in line for line in str(refused).splitlines() if "allowed:" in line):
+                        raise
+            count += 1
+    assert count > 15
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
