@@ -82,7 +82,7 @@ locks=("${@/#/--requirement=requirements/}")
 if [ "$1" = ros2 ]; then
     : # The simulated ROS 2 robots need no PyBullet.
 elif "${install[@]}" --only-binary :all: -r requirements/pybullet.txt 2>.venv/pybullet-wheel.log; then
-    rm .venv/pybullet-wheel.log
+    rm -f .venv/pybullet-wheel.log
 else
     echo "PyBullet has no wheel for this Python; going on without it (see .venv/pybullet-wheel.log)."
 fi
