@@ -97,7 +97,7 @@ def test_images_are_made_of_what_there_is(path: Path) -> None:
     for source in (name for names in copied for name in names):
         assert (ROOT / source).exists()
         assert source.split("/")[0] in let_in
-    assert all((ROOT / name).is_file() for name in re.findall(r"-c (\S+)", text))
+    assert all((ROOT / name).is_file() for name in re.findall(r"-c ([\w/.-]+)", text))
     [extras] = re.findall(r"\"\.\[(.+)\]\"", text)
     assert {*extras.split(",")} <= {*PROJECT["optional-dependencies"]}
     assert "\nSHELL" not in text  # Podman builds images of a format that has none, and goes on in another shell.
