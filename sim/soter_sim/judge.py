@@ -159,8 +159,9 @@ class Judge:
 
         # Far boxes may be left out only while they cannot have the least clearance.
         care = max(least["obstacle"], TOUCH_M)
-        boxes = self.boxes.all if care + keep_m + reach > NEAR_M else self.boxes.near(x1, y1)
-        near = inf if boxes is self.boxes.all else NEAR_M
+        seen_m = max(care + keep_m + reach, NEAR_M)
+        boxes = self.boxes.near(x1, y1, seen_m)
+        near = inf if boxes is self.boxes.all else seen_m
         for box in boxes:
             gap = self.boxes.point_to(x1, y1, box)
             if gap < near:

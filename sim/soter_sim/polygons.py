@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, sin
+from math import cos, inf, sin
 
 import numpy as np
 
-from soter_sim.boxes import CELL_M, FEW, NEAR_M
+from soter_sim.boxes import CELL_M, FEW, NEAR_M, cell_m
 from soter_sim.shapes import Polygon, chord_to_polygon, meet_polygon, point_to_polygon
 
 
@@ -35,19 +35,20 @@ class Polygons:
         self._bounds = np.array(
             [(*np.min(each, axis=0), *np.max(each, axis=0)) for each in turned], dtype=np.float64
         ).reshape(-1, 4)
-        self._cells: dict[tuple[int, int], tuple[Polygon, ...]] = {}
+        self._cells: dict[tuple[float, float, float], tuple[Polygon, ...]] = {}
 
-    def near(self, x: float, y: float) -> tuple[Polygon, ...]:
-        """Return all polygons nearer to a place than `NEAR_M`, and maybe others; `all` itself if they are few."""
-        if len(self.all) <= FEW:
+    def near(self, x: float, y: float, reach_m: float = NEAR_M) -> tuple[Polygon, ...]:
+        """Return all polygons nearer to a place than `reach_m`, and maybe others; `all` itself if they are few."""
+        if len(self.all) <= FEW or reach_m == inf:
             return self.all
         x, y = self._turned(x, y)
-        cell = (int(x // CELL_M), int(y // CELL_M))
+        side_m = cell_m(reach_m)
+        cell = side_m, x // side_m, y // side_m
         found = self._cells.get(cell)
         if found is None:
-            middle = (np.array(cell) + 0.5) * CELL_M
+            middle = (np.array(cell[1:]) + 0.5) * side_m
             apart = np.maximum(np.maximum(self._bounds[:, :2] - middle, middle - self._bounds[:, 2:]), 0.0)
-            chosen = np.flatnonzero(np.hypot(apart[:, 0], apart[:, 1]) <= NEAR_M + CELL_M)
+            chosen = np.flatnonzero(np.hypot(apart[:, 0], apart[:, 1]) <= (NEAR_M / CELL_M + 1.0) * side_m)
             found = self._cells[cell] = tuple(self.all[index] for index in chosen.tolist())
         return found
 

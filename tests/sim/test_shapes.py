@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 import random
+from typing import Any
 
 import pytest
 import shapely  # type: ignore[import-untyped]
 
 from soter.geometry.draft import site_of
+from soter.geometry.workspace import Box
+from soter_sim.boxes import Boxes
 from soter_sim.fences import fence_of
+from soter_sim.polygons import Polygons
 from soter_sim.shapes import chord_to_polygon, meet_polygon, point_to_polygon
 from tests.geometry.drawn import drawn
 
@@ -38,6 +42,21 @@ def test_distances_of_points_and_chords(stream: random.Random) -> None:
         depth = -1.0 if exact.contains(point) else 1.0
         assert point_to_polygon(x, y, ring) == pytest.approx(depth * exact.exterior.distance(point), abs=EXACT_M)
         assert max(chord_to_polygon(x, y, dx, dy, ring), 0.0) == pytest.approx(exact.distance(chord), abs=EXACT_M)
+
+
+def test_nothing_within_reach_is_left_out_and_most_beyond_it_is(stream: random.Random) -> None:
+    corners = [(stream.uniform(-100.0, 100.0), stream.uniform(-100.0, 100.0)) for _ in range(300)]
+    boxes = Boxes([Box(x, y, x + stream.uniform(0.1, 3.0), y + 1.0) for x, y in corners])
+    polygons = Polygons([tuple((x + dx, y + dy) for dx, dy in polygon(stream)) for x, y in corners], 0.3)
+    things: Any
+    for things in (boxes, polygons):
+        for reach_m in (0.1, 2.0, 3.0, 17.0, 60.0):
+            x, y = stream.uniform(-90.0, 90.0), stream.uniform(-90.0, 90.0)
+            near = things.near(x, y, reach_m)
+            assert {each for each in things.all if things.point_to(x, y, each) < reach_m} <= set(near)
+            # A cell is no wider than the reach, and what is within three times its width of its middle is kept.
+            assert len(near) < len(things.all) * (0.03 + (7.0 * max(reach_m, 2.0) / 200.0) ** 2)
+        assert things.near(0.0, 0.0, math.inf) is things.all
 
 
 def test_a_disc_meets_a_polygon_when_it_touches_it(stream: random.Random) -> None:
