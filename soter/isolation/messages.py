@@ -125,6 +125,10 @@ class Started(_Message, tag="started", frozen=True):
     """The ACs are ready for `Begin`."""
 
 
+class Begun(_Message, tag="begun", frozen=True):
+    """The ACs have begun, which may have taken long: from here on ticks are answered."""
+
+
 class Ask(_Message, frozen=True):
     """A goto through a robot's port.
 
@@ -211,7 +215,7 @@ class Busy(_Message, tag="busy", frozen=True):
 
 
 Down = Begin | Tick
-Up = Started | Refused | Turn | Busy
+Up = Started | Refused | Begun | Turn | Busy
 
 _encoder: Final = msgspec.msgpack.Encoder()
 _up: Final = msgspec.msgpack.Decoder(Up)

@@ -19,6 +19,7 @@ from soter.isolation.messages import (
     MAX_TURN_BYTES,
     Ask,
     Begin,
+    Begun,
     Busy,
     Started,
     Tick,
@@ -99,8 +100,8 @@ class MissionEnd:
         self._handovers: Final[dict[int, int]] = {}
         self._seen = 0
 
-    def say(self, message: Started | Refused) -> None:
-        """Send a first message. It is lost if the supervisor is gone, which `wait` then reports."""
+    def say(self, message: Started | Refused | Begun) -> None:
+        """Send what comes before all turns. It is lost if the supervisor is gone, which `wait` then reports."""
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             self._link.send(encode(message))
 

@@ -24,6 +24,9 @@ MAX_REPORTS: Final = 200
 MAX_WAITING: Final = 2000
 """Most reports that may wait for a mission that does not read."""
 
+BEGIN_S: Final = 60.0
+"""Host time that the beginning may take, when policies are loaded."""
+
 _LOOKS: Final = 4
 """Least number of looks in a silence: if supervisor and mission were both suspended, as with their container, the
 mission has not been silent."""
@@ -43,7 +46,7 @@ class SupervisorEnd:
 
     Args:
         child: the mission's process.
-        silent_s: longest host time that a mission may take to answer a tick.
+        silent_s: longest host time that a mission may take to answer a tick, once it has begun.
         steady: the host's monotonic time in seconds.
 
     Attributes:
@@ -59,6 +62,7 @@ class SupervisorEnd:
         self._peers: tuple[int, ...] = ()
         self._handovers: dict[int, int] = {}
         self._reports: Final[deque[messages.Reported]] = deque()
+        self._begun = False
         self._sent = 0
         self._answered = 0
         self._looked_steady_s = 0.0
@@ -151,17 +155,20 @@ class SupervisorEnd:
                     self._check(message)
                     self._take(message)
                     turns.append(message)
+                elif isinstance(message, messages.Begun) and not self._begun:
+                    self._begun, self._waited_s = True, 0.0
                 else:
                     raise Garbage("a first message, later")
         except ChildDied:
             self._closed()
         except Garbage as garbage:
             self.fail(f"it sent garbage: {garbage}")
-        if self._sent > self._answered and self._waited_s > self._silent_s:
+        limit_s = self._silent_s if self._begun else max(self._silent_s, BEGIN_S)
+        if self._sent > self._answered and self._waited_s > limit_s:
             where = f"; it is in handler {self._handler}" if self._handler else ""
             # The mission may have ended, with the link held open by a process that it had started.
             self._closed()
-            self.fail(f"it has been silent for {self._silent_s:g} s of host time{where}")
+            self.fail(f"it has been silent for {limit_s:g} s of host time{where}")
         return turns
 
     def fail(self, cause: str) -> None:
@@ -207,7 +214,7 @@ class SupervisorEnd:
 
     def _take(self, turn: messages.Turn) -> None:
         self._answered = turn.tick
-        self._waited_s = 0.0
+        self._begun, self._waited_s = True, 0.0
         self._handler = ""
         for ask in turn.asks:
             self._ask(ask)

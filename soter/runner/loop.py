@@ -14,6 +14,7 @@ from soter.check.user_rules import UserRules
 from soter.config import MissionFile
 from soter.errors import BackendError, ConfigError, RunFailed
 from soter.geometry.workspace import Workspace
+from soter.isolation.supervisor_end import BEGIN_S
 from soter.record.about import Setup
 from soter.record.recorder import Recorder, TargetLog
 from soter.rta import RemotePeer, Watch
@@ -26,7 +27,7 @@ from soter.runner.real_time import real_time
 from soter.runner.remote_host import WALL_CLOCK
 from soter.runner.result import RunResult
 from soter.runner.trace import Trace
-from soter.runner.watchdog import BEGIN_S, SLOW_S, CutOff, Watchdog
+from soter.runner.watchdog import SLOW_S, CutOff, Watchdog
 from soter.sdk import RULES, Fleet, TruthReport
 from soter.stack.assembly import Others, SafetySide, Study, assemble
 from soter.stack.declaration import timing_of

@@ -24,6 +24,7 @@ from soter.isolation.messages import (
     MAX_MOVES,
     MAX_TEXT,
     Begin,
+    Begun,
     FailedForGood,
     Moved,
     Started,
@@ -115,6 +116,7 @@ class _Host:
                 for message in messages:
                     if isinstance(message, Begin):
                         self._attempt(partial(self._start, host, message))
+                        self._end.say(Begun())
                 last = messages[-1]
                 if isinstance(last, Tick):
                     self._attempt(partial(host.run, last.now_s))

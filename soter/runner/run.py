@@ -16,6 +16,7 @@ from soter.config import MissionFile
 from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.geometry.workspace import Workspace
+from soter.isolation.supervisor_end import BEGIN_S
 from soter.record.recorder import Recorder
 from soter.registry import load_backend, missing_library
 from soter.runner.hosts import make_host
@@ -27,7 +28,7 @@ from soter.runner.peer_session import PeerSession
 from soter.runner.progress import Follower
 from soter.runner.remote_host import RemoteMissionHost
 from soter.runner.result import Run
-from soter.runner.watchdog import BEGIN_S, SLOW_S, CutOff, Watchdog
+from soter.runner.watchdog import SLOW_S, CutOff, Watchdog
 from soter.sdk import Fleet
 from soter.specs import asked, promises, read_options, robot_specs
 from soter.stack.assembly import Study

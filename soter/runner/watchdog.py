@@ -23,9 +23,6 @@ LIMIT_S: Final = 2.0
 SLOW_S: Final = 10.0
 """Host time that each other phase may take: the decisions of a tick, judging rules by truth, the end."""
 
-BEGIN_S: Final = 60.0
-"""Host time that the beginning may take, when policies are loaded."""
-
 GIVE_UP_S: Final = 3.0
 """If code catches every interruption for this long, the process ends."""
 

@@ -16,6 +16,7 @@ from soter.isolation.messages import (
     MAX_TURN_BYTES,
     Ask,
     Begin,
+    Begun,
     Busy,
     Down,
     FailedForGood,
@@ -48,7 +49,9 @@ TURN = Turn(
 )
 
 
-@pytest.mark.parametrize("message", [Started(), Refused("config", "no", "a.toml", 3, "planner"), TURN, Busy("A.b")])
+@pytest.mark.parametrize(
+    "message", [Started(), Begun(), Refused("config", "no", "a.toml", 3, "planner"), TURN, Busy("A.b")]
+)
 def test_what_a_mission_says_comes_through(message: Up) -> None:
     assert decode_up(encode(message)) == message
 

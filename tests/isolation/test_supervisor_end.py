@@ -11,6 +11,7 @@ from soter.isolation.child import ChildDied
 from soter.isolation.messages import (
     Ask,
     Begin,
+    Begun,
     Busy,
     FailedForGood,
     Moved,
@@ -24,7 +25,7 @@ from soter.isolation.messages import (
     encode,
 )
 from soter.isolation.refused import Refused
-from soter.isolation.supervisor_end import MAX_MESSAGES, MAX_REPORTS, MAX_WAITING
+from soter.isolation.supervisor_end import BEGIN_S, MAX_MESSAGES, MAX_REPORTS, MAX_WAITING
 from soter.rta import ControlReport, GoalReport, Request
 from soter.sdk import Waypoint
 from tests.isolation.ends import SILENT_S, Rig, state
@@ -134,6 +135,25 @@ def test_silence_counts_from_a_tick_that_was_not_answered() -> None:
     assert not rig.end.failure
     rig.silence(0.2 * SILENT_S)
     assert failure(rig) == "it has been silent for 2 s of host time"
+
+
+def test_the_beginning_may_take_long_and_is_said_to_be_over_once() -> None:
+    rig = Rig()
+    rig.tick()
+    rig.silence(0.9 * BEGIN_S)
+    rig.child.said.append(encode(Begun()))
+    rig.silence(0.9 * SILENT_S)
+    assert not rig.end.failure
+    rig.silence(0.2 * SILENT_S)
+    assert failure(rig) == "it has been silent for 2 s of host time"
+    rig = Rig()
+    rig.child.said += [encode(Begun()), encode(Begun())]
+    rig.tick()
+    assert failure(rig) == "it sent garbage: a first message, later"
+    rig = Rig()
+    rig.tick()
+    rig.silence(1.1 * BEGIN_S)
+    assert failure(rig) == "it has been silent for 60 s of host time"
 
 
 def test_a_mission_that_was_stopped_with_its_supervisor_was_not_silent() -> None:

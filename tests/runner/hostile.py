@@ -10,7 +10,7 @@ import sys
 import time
 from typing import Any, NoReturn
 
-from soter.controllers import Velocity, VelocityController
+from soter.controllers import Arena, Velocity, VelocityController
 from soter.controllers.adversaries import Adversary
 from soter.isolation.messages import Turn, encode
 from soter.sdk import RobotState, Waypoint
@@ -35,6 +35,14 @@ class Hostile(Adversary):
 
     def strike(self) -> None:
         """Do the deed; may return and be called again at the next tick."""
+
+
+class LoadsForLong(Hostile):
+    """Does nothing worse."""
+
+    def begin(self, arena: Arena) -> None:
+        super().begin(arena)
+        time.sleep(2.0)
 
 
 class Hangs(Hostile):

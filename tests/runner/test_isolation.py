@@ -104,6 +104,16 @@ def test_a_hostile_mission_costs_its_robots_the_ac_and_no_tick(
     assert len(hosts) == 1
 
 
+def test_a_policy_that_is_loaded_for_longer_than_a_mission_may_be_silent_drives_afterwards(
+    hosts: list[RemoteMissionHost],
+) -> None:
+    run = run_mission(mission("LoadsForLong"))
+    assert run.result.status == "completed"
+    assert not run.result.failure
+    assert in_ac(run, 2.5, 4.0)
+    assert max(track.x_m[-1] - track.x_m[0] for track in run.tracks.tracks.values()) > 0.05
+
+
 def test_a_missions_process_makes_its_terrains_before_it_says_that_it_has_started(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
