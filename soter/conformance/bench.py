@@ -311,6 +311,9 @@ class Bench(Judging):
         began_s = self.now_s
         goal = robot.goto(target, by)
         fast = 0.7 * min(self.caps.v_max_m_s, target.speed_m_s or math.inf)
+        if not self.truth:
+            # What is seen of a slow one may be less, by as much as its velocity is promised to be off.
+            fast = max(fast - (self.caps.speed_noise_m_s or 0.0), 0.5 * fast)
 
         def moves() -> bool:
             track = self.tracks[robot.id]

@@ -318,7 +318,8 @@ def _costs_what_forwards_costs(bench: Bench, robot: Robot, began: TrackSample) -
     before, after = driven[0].state.battery, driven[-1].state.battery
     if before is None or after is None:
         return
-    forwards = driven[0].distance_m(driven[-1].x_m, driven[-1].y_m) / (bench.caps.v_max_m_s * robot.spec.drive_s)
+    way_m = max(driven[0].distance_m(driven[-1].x_m, driven[-1].y_m) - 2.0 * bench.noise_m, 0.0)
+    forwards = way_m / (bench.caps.v_max_m_s * robot.spec.drive_s)
     bench.require(
         before - after >= _COSTS * forwards,
         f"a part of its way back has cost {before - after:.5f} of its charge, and forwards it costs {forwards:.5f}: a "
