@@ -14,9 +14,8 @@ from soter.registry import load_backend
 from soter.sdk import Backend, Capabilities, Fleet, RobotSpec
 
 # Rooms of 2 m on open ground. All coordinates and headings differ, so that mixed-up ones show, and are so far from
-# the origin that coordinates of too few bits show. Ids are not 1 and 2 in order, so that ids taken for indices show,
-# and one begins with another, so that names looked up by their beginning show.
-_STARTS: Final = ((7, 142.0, 73.5, 0.4), (3, 145.5, 71.7, -2.2), (37, 142.7, 70.4, 2.6))
+# the origin that coordinates of too few bits show. For the ids see `soter.conformance.relayed.WIDE_ROOMS`.
+_STARTS: Final = ((72, 142.0, 73.5, 0.4), (20, 145.5, 71.7, -2.2), (200, 142.7, 70.4, 2.6))
 
 
 def open_floor() -> Workspace:
@@ -59,6 +58,10 @@ class InProcessHarness(Harness):
         """Return some robots in a fresh world whose workspace has places for all."""
         specs = specs_at(_places(self.robots_most))
         return self._opened([specs[each] for each in order], self.robots_most)
+
+    def another(self) -> Harness:
+        """Return this harness: every fleet has a world of its own."""
+        return self
 
     def close(self) -> None:
         """Do nothing: the world ends with its fleet."""

@@ -16,7 +16,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
-    "stop_clock", "garble", "seize", "intrude",
+    "stop_clock", "garble", "seize", "intrude", "another",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -210,6 +210,13 @@ class Harness(ABC):
         """Return another program's connection to the robots of the open fleet, beside the first one; no `init` yet.
 
         The kit closes it.
+        """
+        raise NotImplementedError
+
+    def another(self) -> Harness:
+        """Return a harness whose fleets may be open beside the one of this harness, in this process.
+
+        Its robots are others, with the same ids. The kit closes it.
         """
         raise NotImplementedError
 

@@ -66,15 +66,15 @@ class Tells(Closes, Protocol):
 WIDE_ROOMS: Final = Workspace(
     150.0, 78.0, (beside_leg((142.5, 73.5)),),
     (
-        RobotPlace(7, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
-        RobotPlace(3, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
-        RobotPlace(37, 143.3, 70.4, Box(143.1, 70.2, 143.5, 70.6), 2.5),
+        RobotPlace(72, 142.5, 73.5, Box(142.3, 73.3, 142.7, 73.7), 0.7),
+        RobotPlace(20, 146.5, 74.2, Box(146.3, 74.0, 146.7, 74.4), -2.1),
+        RobotPlace(200, 143.3, 70.4, Box(143.1, 70.2, 143.5, 70.6), 2.5),
     ),
 )  # fmt: skip
 """Three rooms of 2.4 m, for robots that take their time to stop; and a box beside the long leg of the first.
 
-Ids are not 1 and 2 in order, so that ids taken for indices show, and one begins with another, so that names looked up
-by their beginning show.
+Ids are not 1 and 2 in order, so that ids taken for indices show. One begins with another and ends alike, so that names
+looked up by either show. One has eight bits, and the lowest seven are another's, so that addresses of fewer show.
 """
 
 
@@ -138,6 +138,9 @@ class RelayedHarness(Harness):
     def choosing(self, order: Sequence[int]) -> Fleet:
         self._order = order
         return self.open(self.robots_most)
+
+    def another(self) -> Harness:
+        return type(self)()
 
     def close(self) -> None:
         for process in self._drivers:

@@ -154,4 +154,11 @@ SURVIVORS: Final = (
         "A second program drives the robot, or one drives to where another has sent it; a robot that is not of the "
         "mission is armed; or a dead program's target lives on. Give the hooks.",
     ),
+    Survivor(
+        "Shares what it knows among all fleets of a process, behind a harness without the hook `another`; or keeps a "
+        "program of its own busy, which is not the one that imports it.",
+        "No clause opens two fleets otherwise, and the time of programs that were started is not counted: simulated "
+        "robots are among them.",
+        "Two missions in one program move each other's robots; or ticks are late, which the run's monitors count.",
+    ),
 )  # fmt: skip

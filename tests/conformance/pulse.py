@@ -6,6 +6,7 @@ So that a process that drives can be killed or hang, and the robot lives on with
 from __future__ import annotations
 
 import subprocess
+import threading
 import time
 from pathlib import Path
 from typing import ClassVar
@@ -73,21 +74,29 @@ def open_fleet(file: str) -> Fleet:
     return PulseFleet(clock, [PulseRobot(clock, Path(file))], None)
 
 
+def open_stubborn(file: str) -> Fleet:
+    """Open it, and have a thread that the process waits for."""
+    threading.Thread(target=threading.Event().wait).start()
+    return open_fleet(file)
+
+
 class PulseHarness(WireHarness):
     """The wire harness with a robot that outlives its driver.
 
     Args:
         file: where renewals go.
         lease_s: how long the robot moves after each of them.
+        opener: what the driving process calls.
     """
 
-    def __init__(self, file: Path, lease_s: float) -> None:
+    def __init__(self, file: Path, lease_s: float, opener: str = "open_fleet") -> None:
         super().__init__(WireRobot)
+        self.opener = opener
         self.file = file
         self.lease_s = lease_s
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
-        return spawn(f"{__name__}:open_fleet", str(self.file), target)
+        return spawn(f"{__name__}:{self.opener}", str(self.file), target)
 
     def observe(self, robot_id: int) -> tuple[float, float, float]:
         lines = self.file.read_text(encoding="ascii").splitlines() if self.file.exists() else []

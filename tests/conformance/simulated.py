@@ -57,6 +57,9 @@ class SimulatedHarness(Harness):
         opened = there if getattr(self.kind, "opens_all", False) else [there[each] for each in order]
         return SimulatedFleet(self.kind, opened, self.engine)
 
+    def another(self) -> Harness:
+        return self
+
     def close(self) -> None:
         pass
 

@@ -348,6 +348,9 @@ class WireHarness(Harness):
         robots = [self.kind(spec, self.clock, self.vehicles[spec.id]) for spec in self.specs]
         return WireFleet(self.clock, robots, Moving(self.world, self.clock))
 
+    def another(self) -> Harness:
+        return WireHarness(self.kind)
+
     def close(self) -> None:
         if self.world is not None:
             self.world.close()

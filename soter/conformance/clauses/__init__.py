@@ -29,3 +29,4 @@ from soter.conformance.clauses import disorder as disorder
 from soter.conformance.clauses import outages as outages
 from soter.conformance.clauses import process as process
 from soter.conformance.clauses import resources as resources
+from soter.conformance.clauses import host as host

@@ -10,15 +10,19 @@ from collections.abc import Callable
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
+from soter.conformance.driver import GIVES_UP
 from soter.sdk import Waypoint
 
 _HOOKS = ("start_driver", "observe")
 _UP_S = 30.0
+_ENDS_S = 20.0
 _LOOK_S = 0.02
 _SAYS_S, _SILENT_S, _ASKS = 1.0, 3.0, 2
 
 
-def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: str) -> None:
+def _watch(
+    bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: str, *, ends_by_itself: bool = False
+) -> None:
     """Let another process drive a robot, end that process, and judge where the robot stops."""
     # Open a fleet to learn its capabilities and start poses, and close it before the driver takes over.
     robot = bench.open_one()
@@ -37,6 +41,7 @@ def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: st
         waited_s = (time.monotonic() - began_s) * speedup
         time.sleep(1.0 / speedup)
         later = bench.harness.observe(robot.id)
+        ended = not ends_by_itself or _ends(process)
     finally:
         process.kill()
         process.wait(5.0)
@@ -50,6 +55,11 @@ def _watch(bench: Bench, end: Callable[[subprocess.Popen[bytes]], None], how: st
         "orphaned_run_m", math.dist(before[:2], rest[:2]), caps.v_max_m_s * (allowed_s + 0.1), bench.still_m,
         "the lease is longer than declared",
     )  # fmt: skip
+    bench.require(
+        ended,
+        f"{_ENDS_S:g} s after its driver {how} that process is still there: a thread that is no daemon, or a library "
+        "that waits at the end for what cannot be sent any more; nothing that restarts such a program ever does",
+    )
 
 
 def _see_it_move(bench: Bench, process: subprocess.Popen[bytes], target: Waypoint) -> None:
@@ -81,6 +91,20 @@ def killed(bench: Bench) -> None:
 def hung(bench: Bench) -> None:
     """When the process that drives it hangs, the robot stops within the lease."""
     _watch(bench, lambda process: process.send_signal(signal.SIGSTOP), "hung")
+
+
+def _ends(process: subprocess.Popen[bytes]) -> bool:
+    try:
+        process.wait(_ENDS_S)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
+
+
+@clause("process.ends", tier=Tier.WIRE, hooks=_HOOKS)
+def ends(bench: Bench) -> None:
+    """A program that ends by an error, and does not close its robots, ends, and the robot stops within the lease."""
+    _watch(bench, lambda process: process.send_signal(GIVES_UP), "ended by an error", ends_by_itself=True)
 
 
 @clause("process.lost", tier=Tier.WIRE)

@@ -1,0 +1,221 @@
+"""Host: an adapter shares its process, and the host, with whatever runs there beside it."""
+
+from __future__ import annotations
+
+import gc
+import locale
+import logging
+import math
+import os
+import random
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from concurrent.futures import thread
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+
+from soter.conformance.bench import Bench
+from soter.conformance.clause import clause
+from soter.conformance.driver import TICK_S, drive_until
+from soter.conformance.figure import Failed
+from soter.sdk import Controller, Fleet, GoalStatus, Robot, Waypoint
+
+_STOPS: Final = (signal.SIGINT, signal.SIGTERM)
+_SEEDS: Final = (1, 2)
+
+_LOOKS_S: Final = 0.25
+_LOOKS: Final = 3
+_BUSY: Final = 0.5
+"""The share of a core that a fleet at rest may take: ten times what right ones take."""
+
+_LEAST_S: Final = 0.01
+_TASKS: Final = Path("/proc/self/task")
+
+_STAYS_S: Final = 0.5
+
+
+@clause("host.shared")
+def shared(bench: Bench) -> None:
+    """What belongs to the whole process is left alone: its signals, settings and random numbers; and it may end."""
+    dice, states = random.getstate(), []
+    try:
+        with _stops_noted() as noted:
+            for seed in _SEEDS:
+                random.seed(seed)
+                _see_it_left_alone(bench, noted)
+                states.append(random.getstate())
+    finally:
+        random.setstate(dice)
+    bench.require(
+        states[0] != states[1],
+        "whatever the random numbers of the process were seeded with, they go on alike once robots were opened: the "
+        "adapter calls random.seed(), and whoever draws at random beside it draws the same each time; use a "
+        "random.Random of its own",
+    )
+
+
+def _see_it_left_alone(bench: Bench, noted: list[int]) -> None:
+    socket.setdefaulttimeout(None)
+    gc.enable()
+    before, threads = _settings(), {*threading.enumerate()}
+    robot = bench.open_one()
+    robot.goto(bench.place(robot, 0.2), Controller.AC)
+    bench.run(4 * TICK_S)
+    _require_same(before, "while robots are open")
+    if noted is not _NOT_MAIN:
+        for number in _STOPS:
+            noted.clear()
+            signal.raise_signal(number)
+            if number not in noted:
+                raise Failed(
+                    f"while robots are open {signal.Signals(number).name} does not reach who asked for it before: "
+                    "the adapter, or a library of it, takes it for itself, so that Ctrl-C does not end the run; have "
+                    "it install no handlers"
+                )
+    if bench.caps.in_process:
+        # Of adapters on a wire `process.ends` finds out, whatever their threads are made with.
+        # Those of a pool end with the program.
+        pooled = getattr(thread, "_threads_queues", {})
+        began = [each for each in threading.enumerate() if each not in threads and each not in pooled]
+        held = [each.name for each in began if not each.daemon]
+        bench.require(
+            not held,
+            f"it has started {', '.join(held)}, which is no daemon: a program that ends by an error, and does not "
+            "close its robots, never ends; start it with daemon=True",
+        )
+    bench.close()
+    del bench.fleets[:-1]
+    _require_same(before, "after robots were closed")
+
+
+def _settings() -> dict[str, object]:
+    """Return what a library may have set for the whole process, by what sets it."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return {
+        **{f"the handler of {each.name}": signal.getsignal(each) for each in (*_STOPS, signal.SIGALRM)},
+        "os.chdir()": os.getcwd(),  # noqa: PTH109 - of the process
+        "os.umask()": mask,
+        "socket.setdefaulttimeout()": socket.getdefaulttimeout(),
+        "sys.setswitchinterval()": sys.getswitchinterval(),
+        "gc.disable()": gc.isenabled(),
+        "locale.setlocale()": locale.setlocale(locale.LC_ALL),
+        "logging.disable()": logging.root.manager.disable,
+    }
+
+
+def _require_same(before: Mapping[str, object], when: str) -> None:
+    for what, found in _settings().items():
+        if found != before[what]:
+            raise Failed(
+                f"{when} {what} is another one, {found!r} for {before[what]!r}: it belongs to the whole process, and "
+                "whatever else runs there relies on it, such as Ctrl-C on a handler; leave it alone"
+            )
+
+
+_NOT_MAIN: Final[list[int]] = []
+
+
+@contextmanager
+def _stops_noted() -> Iterator[list[int]]:
+    """Note the signals that are to stop a program, instead of stopping this one; the main thread alone can."""
+    if threading.current_thread() is not threading.main_thread():
+        yield _NOT_MAIN
+        return
+    noted: list[int] = []
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        noted.append(number)
+
+    before: dict[signal.Signals, Any] = {each: signal.signal(each, note) for each in _STOPS}
+    try:
+        yield noted
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+
+
+@clause("host.idle")
+def idle(bench: Bench) -> None:
+    """A fleet at rest leaves the host to others: it takes less than half a core."""
+    bench.open_one()
+    shares = []
+    while len(shares) < _LOOKS and min(shares, default=1.0) > _BUSY:
+        began_s, before = time.perf_counter(), _ran()
+        time.sleep(_LOOKS_S)
+        passed_s = time.perf_counter() - began_s
+        shares.append(sum(_share(before.get(each, (0.0, 0.0)), now, passed_s) for each, now in _ran().items()))
+    bench.measure(
+        "busy_share", min(shares), _BUSY, 0.0,
+        "a robot at rest that nobody asks for anything keeps a core busy: a thread polls and does not wait; ticks are "
+        "late where others need the host, or several fleets run there", spread=shares,
+    )  # fmt: skip
+
+
+def _ran() -> dict[str, tuple[float, float]]:
+    """Return how long each thread of this process has run, and how long it has waited for a core, in seconds."""
+    ran = {}
+    for each in _TASKS.iterdir() if _TASKS.is_dir() else ():
+        # One that has ended meanwhile, or a system that does not count.
+        with suppress(OSError, ValueError):
+            run_ns, wait_ns, _ = map(int, (each / "schedstat").read_text(encoding="ascii").split())
+            ran[each.name] = 1e-9 * run_ns, 1e-9 * wait_ns
+    return ran or {"all": (time.process_time(), 0.0)}
+
+
+def _share(before: tuple[float, float], now: tuple[float, float], passed_s: float) -> float:
+    """Return for what share of the time in which there was a core for it a thread has run; hardly changed by load."""
+    run_s, wait_s = now[0] - before[0], now[1] - before[1]
+    return run_s / max(passed_s - wait_s, run_s, _LEAST_S)
+
+
+@clause("host.beside")
+def beside(bench: Bench) -> None:
+    """Fleets that are open at once in one process know nothing of each other, though their robots' ids are alike."""
+    bench.require_hook("another")
+    robot = bench.open_one()
+    harness = bench.harness.another()
+    try:
+        with harness.open(1) as fleet:
+            (other,) = fleet.robots
+            other.init(harness.connect_timeout_s)
+            other.switch_ac_sc(Controller.AC, "conformance")
+            before = other.read_state()[3:5]
+            alike = f"robot {robot.id} of one fleet is taken for robot {other.id} of another one that is open as well"
+            bench.go(robot, bench.place(robot, 0.2), cause=f"{alike}, which hears what it is told")
+            bench.settle()
+            _require_unmoved(bench, fleet, other, before, alike)
+            at = bench.look(robot)
+            target = bench.place(other, -0.2)
+            reached = _goes(fleet, other, target, bench.way_s())
+            bench.require(
+                reached, f"{alike}, and no more obeys: what is known of robots is kept by their ids, once for a process"
+            )
+            bench.run(_STAYS_S)
+            moved_m = bench.look(robot).distance_m(at.x_m, at.y_m)
+            bench.require(moved_m <= bench.held_m, f"{alike}: it moved by {moved_m:.2f} m for the other one's goal")
+    finally:
+        harness.close()
+    bench.go(
+        robot, bench.place(robot, -0.1),
+        cause="once another fleet in the process was closed this one does not obey: what both share, such as a "
+        "library's context, was ended with it",
+    )  # fmt: skip
+
+
+def _goes(fleet: Fleet, robot: Robot, target: Waypoint, within_s: float) -> bool:
+    goal = robot.goto(target, Controller.AC)
+    drive_until(fleet, lambda: not goal.active, within_s)
+    return goal.status is GoalStatus.REACHED
+
+
+def _require_unmoved(bench: Bench, fleet: Fleet, robot: Robot, at: tuple[float, float], alike: str) -> None:
+    drive_until(fleet, lambda: False, _STAYS_S)
+    moved_m = math.dist(robot.read_state()[3:5], at)
+    bench.require(moved_m <= bench.held_m, f"{alike}: that one moved by {moved_m:.2f} m for its goal")
