@@ -96,7 +96,10 @@ MEASURED_BY: Final[Mapping[str, tuple[tuple[str, ...], str]]] = {
     ),
     "overshoot_m": (
         ("bounds.overshoot",),
-        "the farthest of eight legs, most through the whole room, of one backwards, and of one with a wide radius",
+        (
+            "the farthest of eight legs, most through the whole room, of one backwards, of one with a wide radius, and "
+            "of one whose target replaces another on the way"
+        ),
     ),
     "position_noise_m": (
         ("truth.bounds.noise", "bounds.rest", "endurance.minute"),

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any, Final
 
 from soter.onboard.mux import Mux
-from soter.sdk import Controller, Goal, RobotState
+from soter.sdk import Controller, Goal, RobotState, Waypoint
 from soter_sim import LIMITS
-from tests.broken.edits import driven, edited, sampled, wired
+from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import counted, memory, with_control
@@ -28,6 +28,20 @@ _LIMITS: Final[dict[int, Any]] = {}
 def _by_axis(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
     most = _SLOW_M_S / max(abs(math.cos(state[3])), abs(math.sin(state[3])))
     return math.copysign(min(abs(speed), most), speed), rate
+
+
+def _remembered(self: Any) -> RobotState:
+    now = self._honest()
+    past = memory(self, "past samples", lambda: [now, now])
+    if now.stamp_s > past[1].stamp_s:
+        past[:] = past[1], now
+    return now  # type: ignore[no-any-return]
+
+
+def _by_older_sample(robot: Any, to: Waypoint) -> Waypoint:
+    """Drive the way that leads to a target from the place before."""
+    now, old = robot._honest(), memory(robot, "past samples", lambda: [robot._honest()])[0]
+    return to._replace(x_m=to.x_m + now.x_m - old.x_m, y_m=to.y_m + now.y_m - old.y_m)
 
 
 def _between_reads(robot: Any, state: RobotState) -> RobotState:
@@ -102,6 +116,8 @@ def _brakes_by_the_cap(robot: Any, state: tuple[float, ...], speed: float, rate:
 WAYS: Final[tuple[type[Broken], ...]] = (
     edited("ByAxis", "Limits its speed along each axis by itself, so that a diagonal goes faster.", "goto.v_max",
            "diagonal", declared=replace(Broken.declared, v_max_m_s=_SLOW_M_S), _connect=with_control(_by_axis)),
+    targeted("MovesBy", "Tells targets as ways from where it was a sample before.", "bounds.overshoot", "older sample",
+             _by_older_sample, _sample=_remembered),
     sampled("BetweenReads", "Takes its velocity from one read to the next.", "state.velocity", "one read to the next",
             _between_reads),
     edited("LimitsOfTheLast", "Drives every robot by the limits of the one that was made last.",

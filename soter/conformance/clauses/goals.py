@@ -241,7 +241,11 @@ def cancel_own(bench: Bench) -> None:
     bench.arrive(second, "cancel() of an old goal stopped the robot: stop acts on its own goal only")
     bench.get_going(robot, bench.place(robot, -0.7)).cancel()
     behind = robot.goto(bench.place(robot, -0.3), Controller.AC)
-    bench.arrive(behind, "a goal that is sent right behind a cancel is lost: both wait, and the stop is done last")
+    bench.arrive(
+        behind,
+        "a goal that is sent right behind a cancel is lost: both wait, and the stop is done last; or it is refused "
+        "while the robot still brakes",
+    )
     bench.settle()
     bench.get_going(robot, bench.place(robot, 0.9))
     robot.goto(bench.place(robot, 0.95), Controller.AC).cancel()

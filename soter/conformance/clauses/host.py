@@ -145,7 +145,7 @@ def _stops_noted() -> Iterator[list[int]]:
 def idle(bench: Bench) -> None:
     """A fleet at rest leaves the host to others: it takes less than half a core."""
     bench.open_one()
-    shares = []
+    shares: list[float] = []
     while len(shares) < _LOOKS and min(shares, default=1.0) > _BUSY:
         began_s, before = time.perf_counter(), _ran()
         time.sleep(_LOOKS_S)

@@ -33,6 +33,7 @@ _FAR_TO = 4.0
 _LONG_LEGS, _FEW_LONG_LEGS = 4, 2
 _WEST_RAD = (0.09, -0.05)
 _PASSES_M = 0.05
+_ON_THE_WAY_TO, _ON_THE_WAY_AT = 1.0, 0.8
 _CUT_AT = 0.3
 _CENTIMETRE_M = 0.01
 _NEXT_M = 0.0099
@@ -188,12 +189,26 @@ def overshoot(bench: Bench) -> None:
         "it brakes too late for its target, is sent to a place beyond it, such as a rounded one, or overshoot_m is "
         "declared too small"
     )
+    # A place that is made of where the robot is, and that is old by then, is beyond a target by the way driven since.
+    made = "on its way it is sent beyond a goal's target: that is told as a way from its place, by an older sample"
     for seen, cause in (
         (legs, late),
+        ([_replaced(bench, robot)], f"{made}; or {late}"),
         (_cut_off(bench, robot), f"where the places of a target have many digits {_CUT_OFF}; or {late}"),
     ):
         furthest = max((0.0, *(beyond for leg in seen for beyond, _ in along_and_across(*leg))))
         bench.measure("overshoot_m", furthest, bench.caps.overshoot_m, bench.off_m, cause)
+
+
+def _replaced(bench: Bench, robot: Robot) -> tuple[TrackSample, Waypoint, list[TrackSample]]:
+    """Drive to a target straight ahead that replaces another one on the way; return the leg from there on."""
+    bench.get_going(robot, bench.place(robot, _ON_THE_WAY_TO))
+    bench.keep_on()
+    began, began_s = bench.look(robot), bench.now_s
+    target = bench.place(robot, _ON_THE_WAY_AT, radius_m=bench.near_m)
+    bench.go(robot, target)
+    bench.settle()
+    return began, target, bench.since(robot, began_s)
 
 
 def _cut_off(bench: Bench, robot: Robot) -> list[tuple[TrackSample, Waypoint, list[TrackSample]]]:
