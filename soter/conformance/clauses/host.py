@@ -18,7 +18,7 @@ from concurrent.futures import thread
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
@@ -29,12 +29,13 @@ from soter.sdk import Controller, Fleet, GoalStatus, Robot, Waypoint
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM)
 _SEEDS: Final = (1, 2)
 
-_LOOKS_S: Final = 0.25
-_LOOKS: Final = 3
-_BUSY: Final = 0.5
-"""The share of a core that a fleet at rest may take: ten times what right ones take."""
+_LOOKS_S: Final = 0.2
+_LOOKS: Final = 15
+_JUDGED: Final = 4
+"""Looks that are judged together: what was begun when robots were opened may go on for a moment."""
 
-_LEAST_S: Final = 0.01
+_IDLE, _BUSY = 0.1, 0.5
+_MOMENT_S: Final = 0.004
 _TASKS: Final = Path("/proc/self/task")
 
 _STAYS_S: Final = 0.5
@@ -44,6 +45,7 @@ _STAYS_S: Final = 0.5
 def shared(bench: Bench) -> None:
     """What belongs to the whole process is left alone: its signals, settings and random numbers; and it may end."""
     dice, states = random.getstate(), []
+    patience_s, collects = socket.getdefaulttimeout(), gc.isenabled()
     try:
         with _stops_noted() as noted:
             for seed in _SEEDS:
@@ -52,6 +54,9 @@ def shared(bench: Bench) -> None:
                 states.append(random.getstate())
     finally:
         random.setstate(dice)
+        socket.setdefaulttimeout(patience_s)
+        if not collects:
+            gc.disable()
     bench.require(
         states[0] != states[1],
         "whatever the random numbers of the process were seeded with, they go on alike once robots were opened: the "
@@ -141,38 +146,72 @@ def _stops_noted() -> Iterator[list[int]]:
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
+class _Thread(NamedTuple):
+    """What the kernel has counted of a thread.
+
+    Attributes:
+        run_s: how long it has run.
+        waited_s: how long it has waited for a core.
+        slept: how often it has waited for anything else.
+        runnable: whether it runs, or waits for a core, now.
+    """
+
+    run_s: float
+    waited_s: float
+    slept: int
+    runnable: bool
+
+
 @clause("host.idle")
 def idle(bench: Bench) -> None:
-    """A fleet at rest leaves the host to others: it takes less than half a core."""
+    """A fleet at rest leaves the host to others: no thread of it takes half a core."""
     bench.open_one()
-    shares: list[float] = []
-    while len(shares) < _LOOKS and min(shares, default=1.0) > _BUSY:
-        began_s, before = time.perf_counter(), _ran()
+    looks = [(time.perf_counter(), _threads())]
+    share = 0.0
+    while len(looks) <= _LOOKS:
         time.sleep(_LOOKS_S)
-        passed_s = time.perf_counter() - began_s
-        shares.append(sum(_share(before.get(each, (0.0, 0.0)), now, passed_s) for each, now in _ran().items()))
+        looks.append((time.perf_counter(), _threads()))
+        share = _busiest(*looks[-2:])
+        # One that would run, and has not got a core yet, is looked at again.
+        if share <= _IDLE and not any(each.runnable for each in looks[-1][1].values()):
+            break
+        share = _busiest(looks[max(len(looks) - 1 - _JUDGED, 0)], looks[-1])
+        if len(looks) > _JUDGED and share > _BUSY:
+            break
     bench.measure(
-        "busy_share", min(shares), _BUSY, 0.0,
-        "a robot at rest that nobody asks for anything keeps a core busy: a thread polls and does not wait; ticks are "
-        "late where others need the host, or several fleets run there", spread=shares,
+        "busy_share", share, _BUSY, 0.0, "of a robot at rest that nobody asks for anything a thread keeps a core busy: "
+        "it polls and does not wait; ticks are late where others need the host, or several fleets run there",
     )  # fmt: skip
 
 
-def _ran() -> dict[str, tuple[float, float]]:
-    """Return how long each thread of this process has run, and how long it has waited for a core, in seconds."""
-    ran = {}
+def _threads() -> dict[str, _Thread]:
+    """Return the threads of this process, but for the one that asks; none on systems that do not count."""
+    found = {}
     for each in _TASKS.iterdir() if _TASKS.is_dir() else ():
-        # One that has ended meanwhile, or a system that does not count.
-        with suppress(OSError, ValueError):
-            run_ns, wait_ns, _ = map(int, (each / "schedstat").read_text(encoding="ascii").split())
-            ran[each.name] = 1e-9 * run_ns, 1e-9 * wait_ns
-    return ran or {"all": (time.process_time(), 0.0)}
+        # It may have ended meanwhile.
+        with suppress(OSError, ValueError, LookupError):
+            run_ns, waited_ns, _ = map(int, (each / "schedstat").read_text(encoding="ascii").split())
+            status = (each / "status").read_text(encoding="utf-8", errors="replace")
+            said = dict(line.partition(":")[::2] for line in status.splitlines())
+            slept, runnable = int(said["voluntary_ctxt_switches"]), said["State"].strip().startswith("R")
+            if int(each.name) != threading.get_native_id():
+                found[each.name] = _Thread(1e-9 * run_ns, 1e-9 * waited_ns, slept, runnable)
+    return found
 
 
-def _share(before: tuple[float, float], now: tuple[float, float], passed_s: float) -> float:
-    """Return for what share of the time in which there was a core for it a thread has run; hardly changed by load."""
-    run_s, wait_s = now[0] - before[0], now[1] - before[1]
-    return run_s / max(passed_s - wait_s, run_s, _LEAST_S)
+def _busiest(before: tuple[float, Mapping[str, _Thread]], after: tuple[float, Mapping[str, _Thread]]) -> float:
+    """Return the largest share of the time, but that in which it waited for a core, that a thread has run.
+
+    One that sleeps again after a moment does not count: where the host is busy, it waits for a core most of the time.
+    """
+    shares = [0.0]
+    for name, now in after[1].items():
+        was = before[1].get(name, _Thread(0.0, 0.0, 0, False))
+        run_s, waited_s, slept = now.run_s - was.run_s, now.waited_s - was.waited_s, now.slept - was.slept
+        if run_s > _MOMENT_S * (slept + 1):
+            # One that has not slept at all may still wait for a core, which is counted when it gets one.
+            shares.append(run_s / max(after[0] - before[0] - waited_s, run_s) if slept else 1.0)
+    return max(shares)
 
 
 @clause("host.beside")
