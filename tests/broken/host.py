@@ -98,7 +98,7 @@ HOST: Final[tuple[type[Broken], ...]] = (
     edited("NoDaemon", "Hears in a thread that ends when it is closed only, and is waited for.", "host.shared",
            "no daemon", **_hears(False, threading.Event.wait)),
     edited("Polls", "Polls and does not wait.", "host.idle", "busy_share", **_hears(True, _polls)),
-    edited("OneTable", "Keeps robots of all fleets in a process by their numbers.", "host.beside", "is taken for",
+    edited("OneTableForAll", "Keeps robots of all fleets in a process by their numbers.", "host.beside", "is taken for",
            __init__=_opening(lambda self: _Known.muxes.update({self.id: self._mux})),
            **{hook: _by_number(hook) for hook in ("_send_goto", "_hand_over", "_renew_lease", "_halt")}),
     edited("OneContext", "Ends with a fleet what all fleets in a process share.", "host.beside", "ended with it",
