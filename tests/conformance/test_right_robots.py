@@ -7,6 +7,7 @@ import random
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
+from unittest import mock
 
 import pytest
 
@@ -102,6 +103,50 @@ def test_a_robot_at_rest_moves_by_the_truth_as_its_velocity_is_promised_to_be_of
 ) -> None:
     record = judge(SimulatedHarness(sways(by_m_s, promised_m_s)), [CLAUSES["truth.goto.holds"]])
     assert [each.verdict for each in record.outcomes] == [verdict], record.outcomes
+
+
+class Swings(Broken):
+    """Looks along each leg at once, and swings to and fro beside it for a while, as a copter out of a corner."""
+
+    caught_by = ""
+    off_rad = 0.0
+
+    def _sample(self) -> RobotState:
+        state = self._honest()
+        x_m, y_m, heading_rad = self.beside(state.x_m, state.y_m, state.heading_rad)
+        return state._replace(x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+
+    def beside(self, x_m: float, y_m: float, heading_rad: float) -> tuple[float, float, float]:
+        """Return where it is, in place of where it would be without its swings."""
+        now_s = self.clock.now()
+        leg = memory(self, "leg", lambda: [heading_rad, now_s])
+        if abs(math.remainder(heading_rad - leg[0], math.tau)) > 0.01:
+            leg[:] = heading_rad, now_s
+        on_s = now_s - leg[1]
+        off_m = 0.1 * math.sin(on_s) * math.exp(-on_s / 2.0)
+        looks_rad = math.remainder(heading_rad + self.off_rad, math.tau)
+        return x_m - off_m * math.sin(heading_rad), y_m + off_m * math.cos(heading_rad), looks_rad
+
+
+class SwingingHarness(SimulatedHarness):
+    """Opens robots that swing, and a truth that says so."""
+
+    room_m = 8.0
+
+    def open(self, robots: int) -> Fleet:
+        fleet = super().open(robots)
+        honest, there = fleet.truth, {each.id: each for each in fleet.robots}
+        told = mock.Mock(wraps=honest)
+        told.pose = lambda robot_id: there[robot_id].beside(*honest.pose(robot_id))  # type: ignore[attr-defined, union-attr]
+        fleet.truth = told
+        return fleet
+
+
+@pytest.mark.parametrize(("off_rad", "verdict"), [(0.0, Verdict.PASS), (0.3, Verdict.FAIL)], ids=["ahead", "askew"])
+def test_a_heading_is_judged_where_the_course_is_that_of_the_leg(off_rad: float, verdict: Verdict) -> None:
+    kind = type("Swings", (Swings,), {"off_rad": off_rad})
+    clauses = [CLAUSES["state.heading"], CLAUSES["truth.state.heading"]]
+    assert [each.verdict for each in judge(SwingingHarness(kind), clauses).outcomes] == [verdict, verdict]
 
 
 class Unlike(InProcessHarness):

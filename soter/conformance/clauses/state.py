@@ -25,6 +25,7 @@ _CLEAR = 10.0
 _COURSE_M = 0.2
 """Over less, rounding decides the course: autopilots report places, true ones too, in whole centimetres."""
 
+_STEADY_S, _STEADY_RAD, _LEG_RAD = 1.5, 0.07, 0.3
 _MANY_SAMPLES = 1500
 _MANY_S = 12.0
 _VELOCITY = 0.05
@@ -153,11 +154,12 @@ def heading(bench: Bench) -> None:
     # A course is taken over a way much longer than the error of the places at its ends.
     least_m = max(_COURSE_M, _CLEAR * bench.noise_m)
     may_be_rad = _HEADING_RAD + 2.0 * bench.noise_m / least_m + bench.noise_rad
-    courses = [*_far_enough(legs, least_m)]
-    bench.require(bool(courses) or least_m > _COURSE_M, f"the robot never drove straight on for {least_m:g} m")
-    for way in courses:
-        first, last = way[0], way[-1]
-        course = math.atan2(last.y_m - first.y_m, last.x_m - first.x_m)
+    ways = [*_far_enough(legs, least_m)]
+    bench.require(bool(ways) or least_m > _COURSE_M, f"the robot never drove straight on for {least_m:g} m")
+    # A copter that comes out of a corner looks along its leg already while it still swings back to that, sideways.
+    steady_rad = _STEADY_RAD + 4.0 * bench.noise_m / least_m
+    for way in [way for way in ways if _steady(way, bench.tracks[robot.id], least_m, steady_rad)] or ways:
+        first, last, course = way[0], way[-1], _course(way)
         # Headings at the ends of a bend differ from its chord by half the bend.
         bend_rad = 0.5 * abs(turn(first.heading_rad, last.heading_rad))
         for sample in way:
@@ -180,6 +182,25 @@ def _far_enough(legs: list[tuple[TrackSample, TrackSample]], least_m: float) -> 
             if there.distance_m(way[0].x_m, way[0].y_m) >= least_m:
                 yield way
                 way = []
+
+
+def _steady(way: list[TrackSample], track: list[TrackSample], least_m: float, most_rad: float) -> bool:
+    """Return whether the course just before and after a way is the same, where the robot looked as it does on it."""
+    first, last = way[0], way[-1]
+    for from_s, to_s in ((first.at_s - _STEADY_S, first.at_s), (last.at_s, last.at_s + _STEADY_S)):
+        part = [
+            each
+            for each in track
+            if from_s <= each.at_s <= to_s and abs(turn(first.heading_rad, each.heading_rad)) <= _LEG_RAD
+        ]
+        far = bool(part) and part[0].distance_m(part[-1].x_m, part[-1].y_m) >= least_m
+        if far and abs(turn(_course(way), _course(part))) > most_rad:
+            return False
+    return True
+
+
+def _course(way: list[TrackSample]) -> float:
+    return math.atan2(way[-1].y_m - way[0].y_m, way[-1].x_m - way[0].x_m)
 
 
 @clause("state.velocity")
