@@ -156,9 +156,8 @@ def heading(bench: Bench) -> None:
     may_be_rad = _HEADING_RAD + 2.0 * bench.noise_m / least_m + bench.noise_rad
     ways = [*_far_enough(legs, least_m)]
     bench.require(bool(ways) or least_m > _COURSE_M, f"the robot never drove straight on for {least_m:g} m")
-    # A copter that comes out of a corner looks along its leg already while it still swings back to that, sideways.
-    steady_rad = _STEADY_RAD + 4.0 * bench.noise_m / least_m
-    for way in [way for way in ways if _steady(way, bench.tracks[robot.id], least_m, steady_rad)] or ways:
+    # A copter that comes out of a corner looks along its leg before it flies along it, and swings with course and yaw.
+    for way in [way for way in ways if _steady(bench, way, bench.tracks[robot.id], least_m)] or ways:
         first, last, course = way[0], way[-1], _course(way)
         # Headings at the ends of a bend differ from its chord by half the bend.
         bend_rad = 0.5 * abs(turn(first.heading_rad, last.heading_rad))
@@ -184,9 +183,11 @@ def _far_enough(legs: list[tuple[TrackSample, TrackSample]], least_m: float) -> 
                 way = []
 
 
-def _steady(way: list[TrackSample], track: list[TrackSample], least_m: float, most_rad: float) -> bool:
-    """Return whether the course just before and after a way is the same, where the robot looked as it does on it."""
-    first, last = way[0], way[-1]
+def _steady(bench: Bench, way: list[TrackSample], track: list[TrackSample], least_m: float) -> bool:
+    """Return whether course and heading are the same just before and after a way, turns of a leg left aside."""
+    first, last, fast = way[0], way[-1], 0.5 * bench.caps.v_max_m_s
+    course_rad = _STEADY_RAD + 4.0 * bench.noise_m / least_m
+    looks_rad = _STEADY_RAD + 2.0 * bench.noise_rad
     for from_s, to_s in ((first.at_s - _STEADY_S, first.at_s), (last.at_s, last.at_s + _STEADY_S)):
         part = [
             each
@@ -194,7 +195,9 @@ def _steady(way: list[TrackSample], track: list[TrackSample], least_m: float, mo
             if from_s <= each.at_s <= to_s and abs(turn(first.heading_rad, each.heading_rad)) <= _LEG_RAD
         ]
         far = bool(part) and part[0].distance_m(part[-1].x_m, part[-1].y_m) >= least_m
-        if far and abs(turn(_course(way), _course(part))) > most_rad:
+        if far and abs(turn(_course(way), _course(part))) > course_rad:
+            return False
+        if any(each.speed_m_s > fast and abs(turn(first.heading_rad, each.heading_rad)) > looks_rad for each in part):
             return False
     return True
 
