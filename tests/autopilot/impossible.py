@@ -79,6 +79,11 @@ ROWS: Final = (
         "Nothing",
     ),
     Row(
+        ("host.beside",),
+        "there are no second vehicles of the same ids",
+        "Nothing of the vehicle: that fleets in one process are kept apart shows with the simulated ones",
+    ),
+    Row(
         ("several.last",),
         "two are there, and it needs three",
         "What holds of two vehicles is not known of the third",
