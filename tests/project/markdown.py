@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -26,6 +27,26 @@ def blocks(page: Path) -> Iterator[Block]:
     for fence in _FENCE.finditer(text):
         language, *marks = fence["info"].split() or [""]
         yield Block(language, frozenset(marks), fence["code"], text.count("\n", 0, fence.start()) + 1)
+
+
+def title_of(block: Block) -> str | None:
+    """The file that a block is to be saved as."""
+    named = [mark for mark in block.marks if mark.startswith("title=")]
+    return named[0].removeprefix("title=").strip('"') if named else None
+
+
+def exit_code(block: Block) -> int:
+    """What the last command of a block has to exit with."""
+    return next((int(mark.removeprefix("exit-")) for mark in block.marks if mark.startswith("exit-")), 0)
+
+
+def commands_of(block: Block) -> Iterator[tuple[int, str]]:
+    """The commands of a shell block, each whole, with their lines on the page; without what a console has printed."""
+    shown = any(line.startswith("$ ") for line in block.code.splitlines())
+    for found in re.finditer(r"(?:\\\n|[^\n])+", block.code):
+        text = found[0].replace("\\\n", " ")
+        if text.startswith("$ ") if shown else shlex.split(text, comments=True):
+            yield block.line + 1 + block.code.count("\n", 0, found.start()), text.removeprefix("$ ")
 
 
 def links(page: Path) -> Iterator[str]:

@@ -28,7 +28,7 @@ from soter.errors import ConfigError
 from soter.geometry.workspace import Box, RobotPlace, Workspace
 from soter.registry import backend_names, load_backend
 from soter.specs import read_options
-from tests.project.markdown import Block, blocks, links, prose
+from tests.project.markdown import Block, blocks, commands_of, links, prose, title_of
 from tests.project.source import ROOT
 
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
@@ -43,8 +43,8 @@ def programs() -> list[object]:
         for block in blocks(page):
             if block.language == "python":
                 code = code + "\n" + block.code if "continued" in block.marks else block.code
-                if any(mark.startswith("title=") for mark in block.marks):
-                    continue  # a file of a tutorial
+                if title_of(block) and page.parent.name == "tutorials":
+                    continue  # test_tutorials.py runs them
                 name = f"{page.relative_to(ROOT)}:{block.line}"
                 found.append(pytest.param(name, code, "no-run" in block.marks, id=name))
     return found
@@ -62,9 +62,8 @@ def commands() -> list[tuple[str, list[str]]]:
 
 def words_of(block: Block) -> list[list[str]]:
     """The commands of a shell block that are this project's, split into words."""
-    lines = block.code.replace("\\\n", " ").splitlines()
-    split = [shlex.split(line.removeprefix("$ "), comments=True) for line in lines]
-    return [words for words in split if words and words[0] in {"soter", "make"}]
+    split = [shlex.split(line, comments=True) for _, line in commands_of(block)]
+    return [words for words in split if words[0] in {"soter", "make"}]
 
 
 @cache

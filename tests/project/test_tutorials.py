@@ -17,24 +17,13 @@ from subprocess import CompletedProcess
 
 import pytest
 
-from tests.project.markdown import Block, blocks
+from tests.project.markdown import blocks, commands_of, exit_code, title_of
 from tests.project.source import ROOT
 from tests.warm import warm
 
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 MOST_S = 600.0
 """An hour is promised for the longest of them, for reading and typing too."""
-
-
-def title_of(block: Block) -> str | None:
-    """The file that a block is to be saved as."""
-    named = [mark for mark in block.marks if mark.startswith("title=")]
-    return named[0].removeprefix("title=").strip('"') if named else None
-
-
-def exit_code(block: Block) -> int:
-    """What the commands of a block have to exit with."""
-    return next((int(mark.removeprefix("exit-")) for mark in block.marks if mark.startswith("exit-")), 0)
 
 
 INSTALL = """
@@ -80,8 +69,7 @@ def test_a_tutorial_does_what_it_says(page: Path, tmp_path: Path) -> None:
             assert not (folder / title).exists(), f"{place}: {title} is there already"
             (folder / title).write_text(block.code, encoding="utf-8")
         elif block.language == "sh" and "no-run" not in block.marks:
-            lines = block.code.replace("\\\n", " ").splitlines()
-            *firsts, last = [line for line in lines if shlex.split(line, comments=True)]
+            *firsts, last = [line for _, line in commands_of(block)]
             for line, expected in (*((each, 0) for each in firsts), (last, exit_code(block))):
                 done = ran(line, folder, environment, install)
                 assert done.returncode == expected, f"{place}\n{line}\n{done.stdout}{done.stderr}"
