@@ -64,6 +64,11 @@ accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, tuned m
 		$(VENV)/soter campaign examples/campaigns/$$name.toml $(ACCEPT_ARGS) || exit 1; \
 	done
 
+.PHONY: listings
+listings: ## Run every command that the pages print, as printed; an hour (LISTINGS_ARGS="docs/report.md --limit 60")
+	@tools/env.sh test
+	$(VENV)/python -m tools.listings $(LISTINGS_ARGS)
+
 .PHONY: bench
 bench: ## What the stack costs, as ratios measured in one run each (benchmarks/README.md)
 	@tools/env.sh test
