@@ -91,9 +91,9 @@ def start(line: int, command: str, expected: int, folder: Path, environment: Map
 
 
 def end(process: Process, within_s: float) -> bool:
-    """Waits for a command, interrupts it if it takes longer, and returns whether it has ended by itself."""
+    """Waits for a command, interrupts it once it has had that long, and returns whether it has ended by itself."""
     try:
-        process.popen.wait(within_s)
+        process.popen.wait(max(0.0, process.began_s + within_s - time.monotonic()))
     except subprocess.TimeoutExpired:
         os.killpg(process.popen.pid, signal.SIGINT)
         try:
