@@ -27,6 +27,9 @@ from tests.project.markdown import Block, blocks, commands_of, exit_code, title_
 ROOT: Final = Path(__file__).resolve().parents[1]
 SHELLS: Final = {"sh", "bash", "shell", "console"}
 SERVES: Final = re.compile(r"soter (sim|\w+-mux|zenoh-router|ros2-monitor)\b|soter run .*--(live|foxglove)\b")
+BETWEEN_S = 3.0
+"""Passes between the starts of commands that run at the same time."""
+
 NOT_RUN: Final = {
     r"^apt-get ": "it changes the host; `make install-check` has apt look the names up",
     r"^make test": "`make check` runs it",
@@ -137,7 +140,7 @@ def run_block(
             expected = int(said[1]) if said else exit_code(block) if line == commands[-1][0] else 0
             under_way.append(start(line, command, expected, folder, environment))
             if "together" in block.marks and line != commands[-1][0]:
-                time.sleep(3.0)
+                time.sleep(BETWEEN_S)
                 continue
             # What others serve is needed until the end.
             for each in sorted(under_way, key=lambda each: (each.serves, each.line if not each.serves else -each.line)):
