@@ -120,6 +120,8 @@ def verdict(process: Process, by_itself: bool, limit_s: float) -> str:
         if code in ({0, 130} if run else {0}) and (run or not by_itself):
             return "right, until Ctrl-C"
         return f"FAILED: it serves until Ctrl-C{lines}"
+    if not by_itself and re.search(r"^FAIL\b", said, re.MULTILINE):
+        return f"FAILED: a clause has failed before {limit_s:.0f} s{lines}"
     if not by_itself and code != -signal.SIGKILL:
         return f"STILL RUNNING after {limit_s:.0f} s, nothing wrong so far"
     return "right" if code == process.expected else f"FAILED: {process.expected} was expected{lines}"

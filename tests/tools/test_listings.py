@@ -50,6 +50,13 @@ def test_what_is_not_over_or_not_there_is_never_right(tmp_path: Path, environmen
     assert absent.startswith("NOT RUN: ")
 
 
+def test_what_has_failed_by_its_limit_is_wrong(tmp_path: Path, environment: Mapping[str, str]) -> None:
+    process = listings.start(1, "echo 'FAIL  1 s  a.clause'; sleep 9", 0, tmp_path, environment)
+    wait_until(process.said.read_text)
+    by_itself = listings.end(process, 0.0)
+    assert listings.verdict(process, by_itself, 0.0).startswith("FAILED: a clause has failed before 0 s")
+
+
 def test_lines_that_belong_together_run_at_the_same_time(
     tmp_path: Path, environment: Mapping[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
