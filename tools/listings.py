@@ -89,6 +89,8 @@ def start(line: int, command: str, expected: int, folder: Path, environment: Map
             stdout=into,
             stderr=subprocess.STDOUT,
             start_new_session=True,
+            # Ignored, as where this runs in the background, it would be ignored by the command, too.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
     return Process(line, command, expected, popen, said, time.monotonic())
 
