@@ -38,14 +38,14 @@ class Boxes:
 
     def __init__(self, boxes: Iterable[Box]) -> None:
         self.all: tuple[BoxEdges, ...] = tuple((box.low_x_m, box.low_y_m, box.high_x_m, box.high_y_m) for box in boxes)
-        self._cells: dict[tuple[float, float, float], tuple[BoxEdges, ...]] = {}
+        self._cells: dict[tuple[float, int, int], tuple[BoxEdges, ...]] = {}
 
     def near(self, x: float, y: float, reach_m: float = NEAR_M) -> tuple[BoxEdges, ...]:
         """Return all boxes nearer to a place than `reach_m`, and maybe others; `all` itself if they are few."""
         if len(self.all) <= FEW or reach_m == inf:
             return self.all
         side_m = cell_m(reach_m)
-        cell = side_m, x // side_m, y // side_m
+        cell = side_m, int(x // side_m), int(y // side_m)
         found = self._cells.get(cell)
         if found is None:
             middle_x, middle_y = (cell[1] + 0.5) * side_m, (cell[2] + 0.5) * side_m

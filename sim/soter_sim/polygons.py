@@ -35,7 +35,7 @@ class Polygons:
         self._bounds = np.array(
             [(*np.min(each, axis=0), *np.max(each, axis=0)) for each in turned], dtype=np.float64
         ).reshape(-1, 4)
-        self._cells: dict[tuple[float, float, float], tuple[Polygon, ...]] = {}
+        self._cells: dict[tuple[float, int, int], tuple[Polygon, ...]] = {}
 
     def near(self, x: float, y: float, reach_m: float = NEAR_M) -> tuple[Polygon, ...]:
         """Return all polygons nearer to a place than `reach_m`, and maybe others; `all` itself if they are few."""
@@ -43,7 +43,7 @@ class Polygons:
             return self.all
         x, y = self._turned(x, y)
         side_m = cell_m(reach_m)
-        cell = side_m, x // side_m, y // side_m
+        cell = side_m, int(x // side_m), int(y // side_m)
         found = self._cells.get(cell)
         if found is None:
             middle = (np.array(cell[1:]) + 0.5) * side_m

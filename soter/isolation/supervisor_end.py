@@ -70,6 +70,13 @@ class SupervisorEnd:
         self._handler = ""
         self._closed_calls = 0
 
+    @property
+    def not_begun(self) -> str:
+        """Why the mission has not begun, in words; empty once it has."""
+        if self._begun:
+            return ""
+        return "the mission has not begun" + (f"; it is in handler {self._handler}" if self._handler else "")
+
     # --- before the first tick ---------------------------------------------------------------------------------
 
     def await_start(self, limit_s: float) -> messages.Started | Refused | None:

@@ -192,7 +192,7 @@ class Loop:
                 if self.wall_clock and self.robots and wanted != "never":
                     self.real_time = stack.enter_context(real_time(required=wanted == "always"))
                 status = self._tick_on(start_s, follower)
-            failure = self.host.failures.get(None)
+            failure = self.host.failures.get(None) or self.host.not_begun
             # Their SCs brought the robots home, but the mission was not done.
             return ("failed", failure) if failure and status == "completed" else (status, "")
         except (RunFailed, BackendError, CutOff) as failure:

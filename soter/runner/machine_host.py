@@ -58,6 +58,7 @@ class MachineHost:
     """
 
     sandbox = None
+    not_begun = ""
 
     def __init__(
         self,

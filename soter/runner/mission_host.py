@@ -76,6 +76,10 @@ class MissionHost(Protocol):
         """Permanent failures, by robot; the key None is for a failure of what all robots depend on."""
 
     @property
+    def not_begun(self) -> str:
+        """Why the mission has not begun, in words; empty once it has."""
+
+    @property
     def current_handler(self) -> str | None:
         """The handler that is running in this process, or None. Readable from any thread."""
 

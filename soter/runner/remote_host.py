@@ -163,6 +163,11 @@ class RemoteMissionHost:
         error = first.error()
         raise RunFailed(f"the mission could not be made: {error}") if isinstance(error, RunFailed) else error
 
+    @property
+    def not_begun(self) -> str:
+        """Why the mission has not begun, in words; empty once it has."""
+        return self._end.not_begun
+
     def start(self, scene: Scene) -> None:
         """Tell the mission that its robots are ready; it begins while the first ticks pass."""
         self._scene = scene

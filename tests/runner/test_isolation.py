@@ -114,6 +114,13 @@ def test_a_policy_that_is_loaded_for_longer_than_a_mission_may_be_silent_drives_
     assert max(track.x_m[-1] - track.x_m[0] for track in run.tracks.tracks.values()) > 0.05
 
 
+def test_a_run_that_is_over_before_its_policy_is_loaded_has_failed(hosts: list[RemoteMissionHost]) -> None:
+    result = run_mission(mission("LoadsForLong", duration_s=1.0)).result
+    assert result.status == "failed"
+    assert result.failure.startswith("the mission has not begun")
+    assert len(hosts) == 1
+
+
 def test_a_missions_process_makes_its_terrains_before_it_says_that_it_has_started(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
