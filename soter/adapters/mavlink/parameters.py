@@ -29,20 +29,21 @@ class JudgedParameters:
         self._vehicle: Final = vehicle
         self._brake_m_s2: Final = promised.brake_m_s2
         self._v_max_m_s: Final = promised.v_max_m_s
+        self._yaw_rate_max_rad_s: Final = promised.yaw_rate_max_rad_s
         self._asked_s, self._asked = 0.0, 0
 
     @property
     def names(self) -> tuple[str, ...]:
         """The parameters' names, in the order in which they are asked for."""
         kind = self._vehicle.kind
-        return (*(_STEERING if kind == ARDUROVER else ()), *kind.brakes, *kind.speeds)
+        return (*(_STEERING if kind == ARDUROVER else ()), *kind.brakes, *kind.speeds, *kind.turns)
 
     def why_refused(self) -> str:
         """Return which parameter does not allow the promise, and values that would; empty if all allow it.
 
         Parameters that the vehicle does not report are not checked.
         """
-        return self._steers_wrongly() or self._brakes_weakly() or self._hurries()
+        return self._steers_wrongly() or self._brakes_weakly() or self._hurries() or self._spins()
 
     def ask_again(self) -> None:
         """Ask for the next parameter if one is due. Called while the vehicle drives."""
@@ -91,5 +92,19 @@ class JudgedParameters:
                 return (
                     f"its {name} is {value:g}, which is {value * unit_m_s:g} m/s, and promise.v_max_m_s is "
                     f"{self._v_max_m_s:g}; allowed: at most {self._v_max_m_s / unit_m_s:g}"
+                )
+        return ""
+
+    def _spins(self) -> str:
+        """Refuse a vehicle that turns faster than promised."""
+        for name, unit_rad_s in self._vehicle.kind.turns.items():
+            value = self._vehicle.parameters.get(name)
+            # Also refuses NaN.
+            if value is not None and not 0.0 < value * unit_rad_s <= self._yaw_rate_max_rad_s * _ROUNDED:
+                how_fast = f"{value * unit_rad_s:.4g} rad/s" if value else "no limit"
+                return (
+                    f"its {name} is {value:g}, which is {how_fast}, and promise.yaw_rate_max_rad_s is "
+                    f"{self._yaw_rate_max_rad_s:g}; allowed: more than 0, at most "
+                    f"{self._yaw_rate_max_rad_s / unit_rad_s:.4g}"
                 )
         return ""

@@ -6,6 +6,7 @@ import re
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import radians
 from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -42,6 +43,7 @@ class VehicleKind:
         names: names of modes, for messages to users.
         brakes: the parameters that limit its braking, with their unit in m/s2; the first of them above 0 counts.
         speeds: the parameters that limit its speed before it is asked for less, with their unit in m/s.
+        turns: the parameters that limit its turn rate, with their unit in rad/s; 0 is no limit.
     """
 
     name: str
@@ -53,6 +55,7 @@ class VehicleKind:
     names: Mapping[int, str]
     brakes: Mapping[str, float] = field(default_factory=dict)
     speeds: Mapping[str, float] = field(default_factory=dict)
+    turns: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def is_px4(self) -> bool:
@@ -74,12 +77,13 @@ class VehicleKind:
 ARDUROVER: Final = VehicleKind(
     "rover", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=False, guided=15, stop=4, land=None,
     names={0: "MANUAL", 3: "STEERING", 4: "HOLD", 5: "LOITER", 10: "AUTO", 11: "RTL", 15: "GUIDED"},
-    brakes={"ATC_DECEL_MAX": 1.0, "ATC_ACCEL_MAX": 1.0},
+    brakes={"ATC_DECEL_MAX": 1.0, "ATC_ACCEL_MAX": 1.0}, turns={"WP_PIVOT_RATE": radians(1.0)},
 )  # fmt: skip
 ARDUCOPTER: Final = VehicleKind(
     "copter", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=True, guided=4, stop=17, land=9,
     names={0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND", 17: "BRAKE"},
     brakes={"WPNAV_ACCEL": 0.01, "WP_ACC": 1.0}, speeds={"WPNAV_SPEED": 0.01, "WP_SPD": 1.0},
+    turns={"ATC_RATE_Y_MAX": radians(1.0)},
 )  # fmt: skip
 _PX4_NAMES: Final = {
     px4_mode(1): "MANUAL", px4_mode(3): "POSCTL", px4_mode(4, 3): "HOLD", px4_mode(4, 4): "MISSION",

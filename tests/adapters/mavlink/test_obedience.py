@@ -157,7 +157,11 @@ def test_one_that_others_disarm_is_left_alone_and_said_to_be(puppet: Puppet) -> 
     assert not puppet.commands(mav.MAV_CMD_COMPONENT_ARM_DISARM)
 
 
-JUDGED = {"SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0, "ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 2.0}
+JUDGED = {
+    "SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0, "ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 2.0,
+    "WP_PIVOT_RATE": 80.0,
+}  # fmt: skip
+ALL_ASKED_TICKS = 20 * len(JUDGED) + 2
 
 
 @pytest.mark.parametrize("told", [True, False], ids=["told", "asked"])
@@ -167,6 +171,7 @@ JUDGED = {"SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0, "ATC_DECEL_MAX": 0.0,
         ("WP_PIVOT_ANGLE", 0.0, "its WP_PIVOT_ANGLE is 0: it does not turn in place"),
         ("ATC_ACCEL_MAX", 0.5, "its ATC_ACCEL_MAX is 0.5, which is 0.5 m/s2, and promise.brake_m_s2 is 1;"),
         ("ATC_DECEL_MAX", 0.1, "its ATC_DECEL_MAX is 0.1, which is 0.1 m/s2, and promise.brake_m_s2 is 1;"),
+        ("WP_PIVOT_RATE", 0.0, "its WP_PIVOT_RATE is 0, which is no limit, and promise.yaw_rate_max_rad_s is 2.84;"),
     ],
 )
 def test_one_whose_parameters_somebody_sets_so_that_it_cannot_keep_its_promise_is_nobodys_until_they_allow_it(
@@ -184,10 +189,10 @@ def test_one_whose_parameters_somebody_sets_so_that_it_cannot_keep_its_promise_i
         assert why.startswith(says)
     else:
         # What it said of it was lost on the way: within as many seconds as there are such parameters.
-        assert tick(puppet, robot, 82)[-1].startswith(says)
+        assert tick(puppet, robot, ALL_ASKED_TICKS)[-1].startswith(says)
     assert puppet.targets()[-1][1]["type_mask"] == STANDS
     puppet.parameters[name] = JUDGED[name]
-    tick(puppet, robot, 82)
+    tick(puppet, robot, ALL_ASKED_TICKS)
     assert tick(puppet, robot) == []
     assert puppet.targets()[-1][1]["type_mask"] != STANDS
 

@@ -87,6 +87,9 @@ def test_rest_is_what_the_promised_noise_of_the_speed_allows(puppet: Puppet) -> 
         ({"ATC_DECEL_MAX": math.nan}, "its ATC_DECEL_MAX is nan"),
         ({"ATC_DECEL_MAX": 1.0}, ""),
         ({"ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 0.0}, ""),
+        ({"WP_PIVOT_RATE": 0.0}, "its WP_PIVOT_RATE is 0, which is no limit"),
+        ({"WP_PIVOT_RATE": 180.0}, "its WP_PIVOT_RATE is 180, which is 3.142 rad/s, .*yaw_rate_max_rad_s is 2.84;"),
+        ({"WP_PIVOT_RATE": 162.0}, ""),
     ],
 )
 def test_a_vehicle_that_may_not_brake_as_promised_is_refused_before_it_is_armed(
@@ -133,9 +136,17 @@ def test_a_rover_that_cannot_turn_in_place_is_refused_before_it_is_armed(
         ("WP_SPD", math.nan, "its WP_SPD is nan"),
         ("WPNAV_SPEED", 22.0, ""),
         ("WP_SPD", 0.2199999988079071, ""),
+        (
+            "ATC_RATE_Y_MAX",
+            0.0,
+            r"its ATC_RATE_Y_MAX is 0, which is no limit, .* is 1.5; .* at most 85.94$",
+        ),
+        ("ATC_RATE_Y_MAX", 86.0, r"its ATC_RATE_Y_MAX is 86, which is 1.501 rad/s, and .* at most 85.94$"),
+        ("ATC_RATE_Y_MAX", math.nan, "its ATC_RATE_Y_MAX is nan"),
+        ("ATC_RATE_Y_MAX", 85.0, ""),
     ],
 )
-def test_a_copter_whose_own_speed_and_braking_are_not_as_promised_is_refused_before_it_is_armed(
+def test_a_copter_whose_own_speed_turns_and_braking_are_not_as_promised_is_refused_before_it_is_armed(
     puppet: Puppet, name: str, value: float, says: str
 ) -> None:
     puppet.kind, puppet.gate = (mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA), False
