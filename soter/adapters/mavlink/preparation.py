@@ -12,6 +12,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter.adapters.mavlink.ascent import Ascent
 from soter.adapters.mavlink.authority import KEEPER, LEASE_PARAMETER, SENDERS, Authority
 from soter.adapters.mavlink.fence import fence_items, put_up
 from soter.adapters.mavlink.frames import ArduPilotSphere, GeoPoint
@@ -37,7 +38,6 @@ _SLOWER: Final = 0.8
 _ASKED_HZ: Final = 50.0
 _FLOWING: Final = 0.3
 _COUNTED_S: Final = 0.5
-_HEIGHT_M: Final = 0.25
 
 STREAMS: Final = {
     "ATTITUDE": mav.MAVLINK_MSG_ID_ATTITUDE,
@@ -85,6 +85,7 @@ class Preparation:
         self._authority: Final = authority
         self._setpoints: Final = setpoints
         self._lists: Final = ItemLists(vehicle)
+        self._ascent: Final = Ascent(vehicle, setpoints, config.height_m)
         self._fenced = -1
         self._config: Final = config
         self._promised: Final = promised
@@ -106,6 +107,7 @@ class Preparation:
         """Begin, or begin anew: earlier messages of the vehicle do not count."""
         self._moved = self.moved or self._moved
         self._since_s = self._vehicle.now_s
+        self._ascent.begin()
         self.origin = None
         self.gated: bool | None = None
         self._vehicle.parameters.clear()
@@ -223,9 +225,11 @@ class Preparation:
             yield from put_up(vehicle, self._lists, items, self._parameter)
             self._fenced = reboots
         yield from self._until(lambda: self.may_arm, _TURN)
+        # After a silence the vehicle may be flying already, at whatever height it was sent to. One that is not armed
+        # stands on the ground, wherever its estimate has drifted to.
+        grounded = not vehicle.armed or self._ascent.low
         yield from self._until(lambda: vehicle.armed, "it to arm", self._arm)
-        # After a silence the vehicle may be flying already, at whatever height it was sent to.
-        if kind.flies and self._up_m() <= _HEIGHT_M:
+        if kind.flies and grounded:
             yield from self._fly()
         while not self._rests():
             yield f"it to stand still: {self._moves}"
@@ -257,13 +261,12 @@ class Preparation:
             yield f"an answer to what it is asked for ({', '.join(missing)})"
 
     def _fly(self) -> Iterator[str]:
-        height_m, is_px4 = self._config.height_m, self._vehicle.kind.is_px4
+        ascent, is_px4 = self._ascent, self._vehicle.kind.is_px4
+        ascent.begin()
         if is_px4:
-            self._keep_alive = self._climb
+            self._keep_alive = ascent.climb
         yield from self._until(
-            lambda: self._up_m() >= height_m - _HEIGHT_M,
-            f"it to be {height_m:g} m up",
-            None if is_px4 else self._take_off,
+            lambda: ascent.done, f"it to be {self._config.height_m:g} m up", None if is_px4 else ascent.rise
         )
         if is_px4:
             self._keep_alive = self._stand
@@ -368,23 +371,8 @@ class Preparation:
         self.armed_it = True
         self._vehicle.command(KEEPER, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
-    def _take_off(self) -> None:
-        if self._up_m() <= _HEIGHT_M:
-            height_m = self._config.height_m
-            self._vehicle.command(KEEPER, mav.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
-
     def _stand(self) -> None:
         self._setpoints.stand(Controller.SC)
-
-    def _climb(self) -> None:
-        """Send a target above the vehicle: that is how PX4 takes off in OFFBOARD, where it refuses the command."""
-        position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._since_s)
-        if position is not None:
-            self._setpoints.go_ned(Controller.SC, position.x, position.y, -self._config.height_m)
-
-    def _up_m(self) -> float:
-        position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._since_s)
-        return -math.inf if position is None else -position.z
 
     def _rests(self) -> bool:
         position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._since_s)

@@ -67,6 +67,7 @@ class Puppet(MavlinkLink):
         self.gate = True
         self.most_hz = 50.0
         self.refuses_to_arm = ""
+        self.aloft = False
         self.deaf_to: set[int] = set()
         self.silent = False
         self.answers_time = True
@@ -186,6 +187,8 @@ class Puppet(MavlinkLink):
                 return int(mav.MAV_RESULT_FAILED)
             self.armed = bool(fields["param1"])
         elif number == mav.MAV_CMD_NAV_TAKEOFF:
+            if self.aloft:
+                return int(mav.MAV_RESULT_FAILED)
             self.up_m = fields["param7"]
         elif number == mav.MAV_CMD_DO_GUIDED_MASTER:
             if not self.gate:

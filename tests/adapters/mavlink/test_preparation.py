@@ -213,6 +213,17 @@ def test_a_copter_takes_off_to_its_height_which_is_the_plane_of_the_workspace(pu
     assert puppet.targets()[-1][1]["z"] < -2.0
 
 
+@pytest.mark.parametrize(("up_m", "aloft", "armed"), [(0.2, True, True), (0.4, False, False), (-0.4, False, False)])
+def test_a_copter_climbs_from_where_it_hovers_and_from_a_ground_that_its_estimate_has_drifted_from(
+    puppet: Puppet, up_m: float, aloft: bool, armed: bool
+) -> None:
+    puppet.kind, puppet.gate = (mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA), False
+    puppet.up_m, puppet.aloft, puppet.armed = up_m, aloft, armed
+    robot_of(puppet, vehicle="copter", height_m=2.0).init(20.0)
+    assert puppet.up_m == 2.0
+    assert puppet.commands(mav.MAV_CMD_NAV_TAKEOFF)
+
+
 def test_px4_is_sent_targets_before_it_is_asked_to_take_them_and_from_then_on(puppet: Puppet) -> None:
     puppet.kind, puppet.gate = (mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_PX4), False
     robot_of(puppet).init(20.0)
