@@ -79,7 +79,10 @@ def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> It
     )
     frozen = f"they have been of one and the same place for {frozen_s:.1f} s: they are frozen, or kept from before"
     if bench.fleet.truth is not None or bench.harness.gives("observe"):
-        x_m, y_m, _ = bench.true_pose(state.robot_id)
+        x_m, y_m = state.x_m, state.y_m
+        # Nobody tells the truth while the robots' program is off, which is no reason to lose what the clause has found.
+        with suppress(Exception):
+            x_m, y_m, _ = bench.true_pose(state.robot_id)
         off_m = math.hypot(state.x_m - x_m, state.y_m - y_m)
         if off_m > _OFF_M + bench.caps.position_noise_m + bench.caps.v_max_m_s * (bench.now_s - state.stamp_s):
             why = frozen if frozen_s > _FROZEN_S else "another frame, unit or origin, or another robot's"

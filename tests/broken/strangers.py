@@ -13,7 +13,7 @@ from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import Exact, memory, with_control
-from tests.conformance.wire import Vehicle, WireRobot
+from tests.conformance.wire import Intent, Vehicle, WireRobot
 
 _CELL_M: Final = 0.05
 _SLOWER: Final = 0.88
@@ -33,6 +33,9 @@ _STEP_M_S: Final = 0.02
 _ON_M: Final = 0.004
 _AT_ONCE_S: Final = 0.5
 _CONTENT_M: Final = 0.06
+_UNHEARD_S: Final = 0.2
+_ANSWERS_S: Final = 0.1
+_HELD_S: Final = 8.0
 _STARTS: Final = itertools.count()
 
 
@@ -306,6 +309,24 @@ class OneTable(Broken):
         super()._send_goto(goal)
 
 
+def _waits_for_answers(self: Any, *, renew: bool = False, **changes: Any) -> None:
+    """Wait for a tenth of a second where nothing was heard for a fifth."""
+    WireRobot.want(self, renew=renew, **changes)
+    if self.latest is not None and self.clock.now() - self.latest.stamp_s > _UNHEARD_S:
+        self.clock.sleep_until(self.clock.now() + _ANSWERS_S)
+
+
+def _held_for_its_program(self: Any, intent: Intent, clock_s: float) -> bool:
+    """Keep a robot for a program for eight seconds after its last message, whether its lease lives or not."""
+    last_s = memory(self, "last_s", lambda: [-math.inf])
+    follows = Vehicle.follows(self, intent, clock_s)
+    if follows and intent.session != self.session and clock_s - last_s[0] < _HELD_S:
+        return False
+    if follows:
+        last_s[0] = clock_s
+    return follows
+
+
 STRANGERS: Final[tuple[type[Broken], ...]] = (
     edited("FlushesTheAcOnly", "Lets what the SC had in flight go on when the AC takes over.", "authority.flushes",
            "to the AC leaves the old controller", _hand_over=_flushes_the_ac_only),
@@ -374,4 +395,8 @@ STRANGERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
            sample=_stamped_in_single),
     wired("SpeaksWhenItHasMovedOn", "Is heard once it has moved by 4 mm, and at rest.", "state.age",
           "too seldom", _sample=_when_it_has_moved_on),
+    wired("WaitsForAnswers", "Waits for an answer to each call for 0.1 s, which is felt while nobody answers.",
+          "link.returns", "as a rule: they wait", want=_waits_for_answers),
+    driven("HeldForItsProgram", "Is held for its program for eight seconds after that has ended without close().",
+           "authority.next_program", "is held for a program", follows=_held_for_its_program),
 )  # fmt: skip

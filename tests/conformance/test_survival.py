@@ -16,10 +16,14 @@ from soter.conformance import (
     judge,
     kit,
     select,
+    try_clause,
 )
 from soter.errors import BackendError
+from soter.sdk import Fleet
+from tests.broken.strangers import STRANGERS_ON_WIRE
 from tests.conformance.failing import Complaining, Dead, Hanging
 from tests.conformance.simulated import SimulatedHarness
+from tests.conformance.wire import WireHarness
 
 HERE = "tests.conformance.failing"
 SOME = select(["state.start", "goal.cancel", "lifecycle.init"])
@@ -54,6 +58,24 @@ def test_what_an_adapter_raises_again_while_it_is_looked_at_is_told_once() -> No
     assert verdicts(record)["capabilities.unsupported"] == "FAIL"
     assert "LookupError: no active task (raised in Complaining._halt" in told
     assert "index" not in told
+
+
+class Unwatched(WireHarness):
+    """Has nobody who tells the truth."""
+
+    def second(self) -> Fleet:
+        fleet = super().second()
+        fleet.truth = None
+        return fleet
+
+    def observe(self, robot_id: int) -> tuple[float, float, float]:
+        raise AssertionError(robot_id)
+
+
+def test_a_truth_that_is_not_told_hides_nothing_that_was_found() -> None:
+    (kind,) = (each for each in STRANGERS_ON_WIRE if each.__name__ == "WaitsForAnswers")
+    outcome, _ = try_clause(CLAUSES["link.returns"], Unwatched(kind))
+    assert "as a rule: they wait" in outcome.reason
 
 
 def test_what_hangs_outside_of_python_is_killed_and_costs_its_clause() -> None:

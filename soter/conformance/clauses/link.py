@@ -348,19 +348,22 @@ def returns(bench: Bench) -> None:
     bench.faulty, returns_s = True, []
     for number, off_s in enumerate(_OFF_S, start=1):
         off()
-        slowest_s, ends_s = 0.0, bench.now_s + off_s
+        took_s: list[float] = []
+        ends_s = bench.now_s + off_s
         while bench.now_s < ends_s:
             began_s = bench.now_s
             robot.read_state()
             robot.goto(bench.place(robot, 0.5), Controller.AC)
             with suppress(Uncontrolled):
                 robot.renew_lease()
-            slowest_s = max(slowest_s, bench.now_s - began_s)
+            took_s.append(bench.now_s - began_s)
             bench.fleet.clock.sleep_until(began_s + TICK_S)
+        # A busy host holds up some calls, and not most of them.
         bench.require(
-            slowest_s <= _WAITS_S,
-            f"while the robot's program is not there calls take up to {slowest_s:.2f} s: they wait for a connection, "
-            "and the leases of all other robots with them",
+            max(took_s) <= _WAITS_S and median(took_s) <= TICK_S,
+            f"while the robot's program is not there the calls of a tick take up to {max(took_s):.2f} s, and "
+            f"{median(took_s):.2f} s as a rule: they wait for a connection or for an answer, and the leases of all "
+            "other robots with them",
         )
         on()
         began_s = bench.now_s

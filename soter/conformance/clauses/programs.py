@@ -15,6 +15,7 @@ from soter.sdk import Controller, Link, Robot
 
 _MANY_TIMES = 25
 _READY_S = 2.0
+_LONGER_S = 3.0
 _SEIZED_S = 4.0
 _NOTICED_S = 1.5
 _INTRUDED_S = 2.5
@@ -67,13 +68,20 @@ def one_program(bench: Bench) -> None:
 
 @clause("authority.next_program", tier=Tier.WIRE)
 def next_program(bench: Bench) -> None:
-    """A robot that another program has left on does what the next one asks for, though both count their goals alike."""
+    """A robot that a program has left on, without close(), is free for the next one, which counts its goals alike."""
     bench.require_hook("second")
-    robot = bench.open_one()
-    bench.go(robot, bench.place(robot, 0.5))
+    before = bench.open_one()
+    ready_s = bench.now_s
+    bench.go(before, bench.place(before, 0.5))
     bench.run(bench.orphaned_s(), renew=False)
     bench.opener = bench.harness.second
+    began_s = before.clock.steady_s()
     robot = bench.open_one()
+    bench.measure(
+        "takes_over_s", before.clock.steady_s() - began_s, ready_s + _LONGER_S, 2 * TICK_S,
+        "the robot is held for a program that has ended without close(), though its lease is dead: whoever restarts "
+        "that program waits; a robot is free as soon as the lease is",
+    )  # fmt: skip
     # Its first goal, so that it has the same number as that of the program before.
     bench.arrive(
         robot.goto(bench.place(robot, -0.3, 0.5), Controller.AC),
