@@ -102,7 +102,7 @@ class Autopilots:
         truth: where the witness tells what really happens, as host:port.
         processes: one a robot.
         seen: by robot, the last pose and speed: x_m, y_m, heading_rad, v_m_s.
-        paths: by robot, all of them: `time.time()` when it was heard, x_m, y_m.
+        paths: by robot, all of them: `time.time()` when it was heard, x_m, y_m, v_m_s.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Autopilots:
         self.port: Final = free_port()
         self.processes: Final[dict[int, subprocess.Popen[bytes]]] = {}
         self.seen: Final[dict[int, tuple[float, float, float, float]]] = {}
-        self.paths: Final[dict[int, list[tuple[float, float, float]]]] = {spec.id: [] for spec in robots}
+        self.paths: Final[dict[int, list[tuple[float, float, float, float]]]] = {spec.id: [] for spec in robots}
         self._robots: Final = tuple(robots)
         earth = workspace.plan.origin if isinstance(workspace, Site) else None
         self._earth: Final = None if earth is None else Projection(earth, "workspace")
@@ -246,7 +246,8 @@ class Autopilots:
                 if message.get_type() == "SIM_STATE":
                     self._told[robot_id] = self._where(message, self._told.get(robot_id))
                     self.seen[robot_id] = self._pose(message, self._told[robot_id])
-                    self.paths[robot_id].append((time.time(), *self.seen[robot_id][:2]))
+                    x_m, y_m, _, v_m_s = self.seen[robot_id]
+                    self.paths[robot_id].append((time.time(), x_m, y_m, v_m_s))
                 elif message.get_type() == "HEARTBEAT":
                     self._armed[robot_id] = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
 

@@ -29,11 +29,13 @@ class Seen:
             takes its AC from it.
         nobodys_after_s: until it was nobody's. One that has fallen silent is so only after 3 s.
         off_m: how far at most its position was from the truth in this time, by the samples that were used.
+        top_m_s: how fast at most it was, by the truth, once it was no longer nobody's.
     """
 
     after_s: float = math.nan
     nobodys_after_s: float = math.nan
     off_m: float = math.nan
+    top_m_s: float = math.nan
 
 
 def seen(
@@ -41,7 +43,7 @@ def seen(
     result: dict[str, Any],
     robot_id: int,
     happened_s: float,
-    path: Sequence[tuple[float, float, float]],
+    path: Sequence[tuple[float, float, float, float]],
     sample_age_s: float,
 ) -> Seen:
     """Look for what SOTER saw.
@@ -51,7 +53,7 @@ def seen(
         result: of the same run.
         robot_id: to which it happened.
         happened_s: when, by `time.time()`.
-        path: where the robot really was, by the same clock: time, x_m, y_m.
+        path: where the robot really was, by the same clock: time, x_m, y_m, v_m_s.
         sample_age_s: what is promised.
     """
     ticks = [each for each in Recording(recording).ticks() if robot_id in each.robots]
@@ -66,7 +68,9 @@ def seen(
     off_m = max((
         _off_m(path, each, robot_id) for each in ticks if happened_s <= each.host_ns * 1e-9 <= after_s
     ), default=math.nan)  # fmt: skip
-    return Seen(after_s - happened_s, nobodys_s - happened_s, off_m)
+    back_s = nobodys_s + lost["lasted_s"] if lost else math.nan
+    top_m_s = max((abs(v_m_s) for at_s, _, _, v_m_s in path if at_s > back_s), default=math.nan)
+    return Seen(after_s - happened_s, nobodys_s - happened_s, off_m, top_m_s)
 
 
 def _silent_since_s(ticks: Sequence[RecordedTick], robot_id: int, happened_s: float, sample_age_s: float) -> float:
@@ -82,12 +86,12 @@ def _silent_since_s(ticks: Sequence[RecordedTick], robot_id: int, happened_s: fl
     return math.nan
 
 
-def _off_m(path: Sequence[tuple[float, float, float]], tick: RecordedTick, robot_id: int) -> float:
+def _off_m(path: Sequence[tuple[float, float, float, float]], tick: RecordedTick, robot_id: int) -> float:
     """Return how far a tick's sample is from where the robot was at its stamp, by the truth before and after."""
     state = tick.robots[robot_id].state
     then_s = tick.host_ns * 1e-9 - (tick.time_s - state.stamp_s)
     later = min(max(bisect_left(path, (then_s,)), 1), len(path) - 1)
-    (before_s, *before), (after_s, *after) = path[later - 1], path[later]
+    (before_s, *before, _), (after_s, *after, _) = path[later - 1], path[later]
     part = min(max((then_s - before_s) / max(after_s - before_s, 1e-9), 0.0), 1.0)
     return math.dist(
         (state.x_m, state.y_m), [(1.0 - part) * old + part * new for old, new in zip(before, after, strict=True)]

@@ -98,7 +98,7 @@ def test_a_copter_that_another_ground_station_sends_elsewhere_is_nobodys_as_long
     assert "another ground station" in found["cause"]
     assert found["lasted_s"] < 6.0
     # It comes to rest before it is sent places again.
-    assert ended.top_m_s <= COPTER.promise["v_max_m_s"]
+    assert ended.seen.top_m_s <= COPTER.promise["v_max_m_s"]
 
 
 def test_a_copter_that_stands_still_for_three_seconds_is_made_ready_again(copters: Autopilots, tmp_path: Path) -> None:

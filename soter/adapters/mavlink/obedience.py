@@ -22,6 +22,9 @@ _TOOK_S: Final = 5.0
 
 _GONE_S: Final = 1.0
 
+_RESTS_S: Final = 1.0
+"""A copter that has held out against the places of another is itself again after such a rest."""
+
 _ELSEWHERE_M: Final = 1.0
 """A target this far from all sent places is another ground station's. Autopilots report places to a centimetre."""
 
@@ -32,23 +35,36 @@ _ACTS: Final = frozenset({mav.MAV_STATE_CRITICAL, mav.MAV_STATE_EMERGENCY, mav.M
 class Obedience:
     """Tells whether one vehicle obeys. Used in the supervisor's thread.
 
+    Args:
+        vehicle: the vehicle.
+        whereabouts: whether it knows where it is.
+        setpoints: where it was sent.
+        judged: whether its parameters allow the promise.
+        moving_m_s: what a vehicle may show at rest.
+
     Attributes:
         origin: the origin of the vehicle's EKF; None for a vehicle whose target is not watched.
         disobeys: what the vehicle does instead of obeying; empty while it obeys.
     """
 
     def __init__(
-        self, vehicle: Vehicle, whereabouts: Whereabouts, setpoints: Setpoints, judged: JudgedParameters
+        self,
+        vehicle: Vehicle,
+        whereabouts: Whereabouts,
+        setpoints: Setpoints,
+        judged: JudgedParameters,
+        moving_m_s: float,
     ) -> None:
         self._vehicle: Final = vehicle
         self._whereabouts: Final = whereabouts
         self._setpoints: Final = setpoints
         self._judged: Final = judged
+        self._moving_m_s: Final = moving_m_s
         self._gated = False
         self.origin: GeoPoint | None = None
         self.disobeys = ""
         self._failed_s = -math.inf
-        self._looked_s, self._led_s = 0.0, -math.inf
+        self._looked_s, self._led_s, self._moved_s = 0.0, -math.inf, -math.inf
         self._led = ""
         self._by_itself = False
 
@@ -61,7 +77,7 @@ class Obedience:
         """
         self._gated = gated
         self.origin = None if gated or self._vehicle.kind.is_px4 else origin
-        self._looked_s, self._led_s = self._vehicle.now_s, -math.inf
+        self._looked_s, self._led_s, self._led = self._vehicle.now_s, -math.inf, ""
         self._failed_s = -math.inf
         self._by_itself = False
         self.disobeys = ""
@@ -101,7 +117,10 @@ class Obedience:
         return self._led_elsewhere() or ("" if self._gated else self._judged.why_refused())
 
     def _led_elsewhere(self) -> str:
-        """Return a message if the vehicle drives to another's target, until a second after its last report of one."""
+        """Return a message if the vehicle drives to another's target, until a second after its last report of one.
+
+        A copter has to have come to rest by then, too.
+        """
         now_s = self._vehicle.now_s
         target = None if self.origin is None else self._vehicle.heard_since(_TARGET, self._looked_s)
         self._looked_s = now_s
@@ -109,6 +128,17 @@ class Obedience:
             place = ArduPilotSphere(self.origin).local(target.lat_int * 1e-7, target.lon_int * 1e-7)
             off_m = self._setpoints.off_m(*place)
             if off_m > _ELSEWHERE_M:
-                self._led_s = now_s
+                self._led_s = self._moved_s = now_s
                 self._led = f"another ground station sends it elsewhere, {off_m:.1f} m from where it was sent here"
-        return self._led if now_s - self._led_s <= _GONE_S else ""
+        if self._led and now_s - self._led_s > _GONE_S:
+            self._led = self._swings(now_s)
+        return self._led
+
+    def _swings(self, now_s: float) -> str:
+        """Return a message while a copter that was led off has not come to rest: it would overshoot its top speed."""
+        position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._led_s)
+        if position is None or math.hypot(position.vx, position.vy) > self._moving_m_s:
+            self._moved_s = now_s
+        if not self._vehicle.kind.flies or now_s - self._moved_s > _RESTS_S:
+            return ""
+        return "another ground station has sent it elsewhere, and it has not come to rest since"

@@ -81,7 +81,9 @@ class MavlinkRobot(Robot):
             spec.id, self._vehicle.inbox, self._time_sync, ChargeFilter(spec.drive_s, *volts), self._reported
         )
         self._whereabouts: Final = Whereabouts(self._vehicle, self.declared.v_max_m_s, config.gps_accuracy_m)
-        self._obedience: Final = Obedience(self._vehicle, self._whereabouts, self._setpoints, judged)
+        self._obedience: Final = Obedience(
+            self._vehicle, self._whereabouts, self._setpoints, judged, self.declared.moving_m_s
+        )
         self._charge = Controller.SC
         self._leg: TargetLeg | None = None
         self._halted_at: tuple[float, float, float] | None = None

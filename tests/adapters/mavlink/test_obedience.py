@@ -384,3 +384,20 @@ def test_where_a_robot_is_is_known_again_long_before_it_is_ready_again(puppet: P
     assert puppet.clock_s - state.vehicle_stamp_s < 0.1
     assert state.x_m == 2.0
     assert not puppet.armed
+
+
+@pytest.mark.parametrize("vehicle", ["rover", "copter"])
+def test_a_copter_that_another_has_led_off_is_nobodys_until_it_has_come_to_rest(puppet: Puppet, vehicle: str) -> None:
+    flies, puppet.gate = vehicle == "copter", False
+    puppet.kind = (mav.MAV_TYPE_QUADROTOR if flies else mav.MAV_TYPE_GROUND_ROVER, mav.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    robot = ready(puppet, vehicle=vehicle)
+    assert tick(puppet, robot, 2) == []
+    puppet.say("POSITION_TARGET_GLOBAL_INT", lat_int=puppet.origin_lat + 1000, lon_int=85455940)
+    (led,) = tick(puppet, robot)
+    assert "another ground station sends it elsewhere" in led
+    puppet.speed_m_s = 0.1
+    assert tick(puppet, robot, 18)[-1] == led
+    swings = {"another ground station has sent it elsewhere, and it has not come to rest since"}
+    assert set(tick(puppet, robot, 60)[10:]) == (swings if flies else set())
+    puppet.speed_m_s = 0.0
+    assert len(tick(puppet, robot, 60)) in (range(18, 22) if flies else (0,))
