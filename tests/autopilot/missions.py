@@ -190,7 +190,7 @@ def run(
     said = ("ac_share", "longest_stall_s", "longest_without_ac_s", "violations", "min_margin", "uncontrolled")
     print(f"\nready {ready_s:.1f} s, load {os.getloadavg()[0]:.1f}, exit {process.returncode}, top {top_m_s:.2f} m/s,",
           f"seen after {saw.after_s:.2f} s, nobody's after {saw.nobodys_after_s:.2f} s, off by {saw.off_m:.2f} m,",
-          f"last moved after {rest_s:.2f} s, way {way_m:.2f} m",
+          f"last moved after {rest_s:.2f} s, way {way_m:.2f} m, driven on at {saw.top_m_s:.2f} m/s at most",
           {key: result.get(key) for key in said}, result.get("targets"), flush=True)  # fmt: skip
     return Ended(process.returncode, result, top_m_s, way_m, ready_s, saw)
 

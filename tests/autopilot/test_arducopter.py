@@ -96,7 +96,8 @@ def test_a_copter_that_another_ground_station_sends_elsewhere_is_nobodys_as_long
     ended = run(COPTER, copters, tmp_path, 40.0, sent_elsewhere(copters, 16.0, 16.0, 5.0))
     found = lost(ended)
     assert "another ground station" in found["cause"]
-    assert found["lasted_s"] < 6.0
+    # Two seconds of that, one without, what it swings back, and one at rest.
+    assert found["lasted_s"] < 10.0
     # It comes to rest before it is sent places again.
     assert ended.seen.top_m_s <= COPTER.promise["v_max_m_s"]
 
