@@ -157,6 +157,47 @@ def _velocity_ago(robot: Any, state: RobotState) -> RobotState:
     return state._replace(vx_m_s=old.vx_m_s, vy_m_s=old.vy_m_s)
 
 
+def _watched_once(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Stop at the end of the lease once for each goal, until it is renewed; drive on at the next one."""
+    goal, now_s, watch = robot._mux.command, state[0], memory(robot, "watch", lambda: [None, True, False])
+    if goal is not None and goal is not watch[0]:
+        watch[:] = goal, True, False
+    if robot._mux.alive(now_s):
+        watch[2] = False
+    elif watch[1]:
+        watch[1:] = False, True
+    if robot._mux.alive(now_s) or watch[2] or goal is None:
+        return speed, rate
+    return robot._vehicle._drive.command(*state[1:], goal.target)  # type: ignore[no-any-return]
+
+
+def _notes_arrival(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    goal = robot._mux.command
+    if goal is not None and math.dist(state[1:3], goal.target[:2]) <= goal.target.radius_m:
+        memory(robot, "reached", lambda: [None])[0] = goal.target[:2]
+    return speed, rate
+
+
+def _has_been_there(robot: Any, goal: Goal) -> None:
+    if memory(robot, "reached", lambda: [None])[0] != goal.target[:2]:
+        Broken._send_goto(robot, goal)
+    elif robot._mux.command is None or robot._mux.command.target[:2] != goal.target[:2]:
+        robot._mux.halt()
+
+
+def _notes_time_out(robot: Any, goal: Goal) -> None:
+    aborted = memory(robot, "aborted", lambda: [False, math.inf])
+    skips, aborted[:] = aborted[0], (False, goal.deadline_s)
+    if not skips:
+        Broken._send_goto(robot, goal)
+
+
+def _aborts(robot: Any) -> None:
+    aborted = memory(robot, "aborted", lambda: [False, math.inf])
+    aborted[0] = robot._now() >= aborted[1]
+    Broken._halt(robot)
+
+
 AFTERWARDS: Final[tuple[type[Broken], ...]] = (
     edited("AgeOfSixteenBits", "Counts how old its lease is by milliseconds in 16 bits.", "deadman.stays",
            "too few digits", _connect=with_control(_age_begins_anew)),
@@ -184,6 +225,13 @@ AFTERWARDS: Final[tuple[type[Broken], ...]] = (
            "authority.alternations", "sent together", _hand_over=_hands_over, _send_goto=_lost_with_it),
     targeted("TargetOfBefore", "Drives to the target of the goal before once in a hundred goals.", "goal.cancels",
              "one of many goals", _of_before),
+    edited("WatchedOnce", "Heeds the end of its lease once a goal, and not after a renewal.", "deadman.recovers",
+           "works once", _connect=with_control(_watched_once)),
+    edited("HasBeenThere", "Takes a goal to where it has been last for reached, wherever it is by now.",
+           "goal.superseded", "wherever the robot is by now", _connect=with_control(_notes_arrival),
+           _send_goto=_has_been_there),
+    edited("AbortsTheNext", "Throws the goal behind one that timed out away.", "goal.timeout",
+           "behind one that timed out", _send_goto=_notes_time_out, _halt=_aborts),
     edited("Oversleeps", "Wakes a period late once in 200 ticks.", "bounds.jitter", "jitter_rare_s",
            __init__=_oversleeps),
     edited("VelocityAgo", "Hands out velocities of two samples ago.", "state.velocity", "earlier sample",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from soter.sdk import Goal, RobotState, Waypoint
+from soter.errors import RobotUnavailable
+from soter.sdk import Capabilities, Goal, RobotState, Waypoint
 from soter_sim import LIMITS
 from tests.broken.afterwards import State
 from tests.broken.edits import driven, edited, sampled, wired
@@ -22,6 +23,8 @@ _CELL_M: Final = 0.1
 _SEES_M: Final = 0.8
 _LANE_M: Final = 0.35
 _SWERVE_RAD_S: Final = 1.0
+_FIELD_M: Final = 0.4
+_IN_FIELD: Final = 0.7
 _SAME_M: Final = 0.25
 _CREEPS_M_S: Final = 0.01
 _LIFT: Final = 0.15
@@ -114,6 +117,28 @@ def _swerves(robot: Any, state: State, speed: float, rate: float) -> tuple[float
     return speed, rate
 
 
+def _stops_before_others(robot: Any, state: State, speed: float, rate: float) -> tuple[float, float]:
+    """Stand while somebody is near on the way ahead, as a vehicle with a protective field does."""
+    bodies, (x_m, y_m, heading_rad) = robot._world.bodies, state[1:4]
+    for other in range(len(bodies.x)):
+        dx, dy = bodies.x[other] - x_m, bodies.y[other] - y_m
+        ahead_m = math.copysign(1.0, speed) * (dx * math.cos(heading_rad) + dy * math.sin(heading_rad))
+        if other != robot._index and math.hypot(dx, dy) < _FIELD_M and ahead_m > _IN_FIELD * math.hypot(dx, dy):
+            return 0.0, rate
+    return speed, rate
+
+
+def _fails_once_failed(self: Any, timeout_s: float) -> Capabilities:
+    """Leave a connection half made where it comes to nothing, and make none while there is one."""
+    begun = memory(self, "begun", lambda: [False])
+    if begun[0]:
+        raise RobotUnavailable(f"robot {self.id}: operation already in progress")
+    begun[0] = True
+    found = WireRobot._connect(self, timeout_s)
+    begun[0] = False
+    return found
+
+
 def _waits_for_its_place(robot: Any, goal: Goal) -> None:
     """Keep places for one robot at a time, as a manager of many does."""
     kept: dict[int, Waypoint] = vars(robot._world).setdefault("kept places", {})
@@ -194,6 +219,8 @@ MEETING: Final[tuple[type[Broken], ...]] = (
            "ended with the one", _connect=with_control(_unwatched), _disconnect=_ends_the_watch),
     edited("Swerves", "Swerves round other robots by itself.", "truth.bounds.body", "an avoidance of its own",
            _connect=with_control(_swerves)),
+    edited("StopsBeforeOthers", "Stands while another robot is within 0.4 m ahead.", "truth.bounds.body",
+           "a field of the vehicle's own", _connect=with_control(_stops_before_others)),
     edited("KeepsPlaces", "Sends no robot to where another one was sent.", "truth.bounds.body", "one robot at a time",
            _send_goto=_waits_for_its_place),
     edited("TurnsAsItSubtracts", "Turns the long way round where the short one leads across west.", "bounds.pivot",
@@ -213,4 +240,6 @@ MEETING_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           "two places", received=_over_the_period),
     wired("BacksOff", "Waits twice as long after each try to connect again, up to a minute.", "link.returns",
           "the longer it takes|nothing is heard", received=_backs_off),
+    wired("FailsOnceFailed", "Cannot be made ready any more once that has failed.", "link.in_time", "has failed leaves",
+          _connect=_fails_once_failed),
 )  # fmt: skip

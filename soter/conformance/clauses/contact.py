@@ -61,6 +61,11 @@ def body(bench: Bench) -> None:
     goal = first.goto(slowly, Controller.AC)
     bench.run(2.0 * bench.way_s(), lambda: truth.report().contacts > 0 or apart_m() < radius_m or not goal.active)
     touched_m = apart_m() if truth.report().contacts else 0.0
+    bench.require(
+        touched_m > 0.0 or apart_m() <= max(radius_m, there.radius_m + bench.off_m),
+        f"it was sent to where another robot stands, and stops {apart_m():.2f} m away: a field of the vehicle's own "
+        "holds it, and where two robots meet neither goes on, for the safe controller neither; switch it off",
+    )
     if touched_m:
         bench.run(_PUSHES_S)
     goal.cancel()

@@ -25,6 +25,7 @@ _CANCELS = 12
 _STARTS_S = 0.1
 _SEES_S = 0.2
 _AWAY_M = 0.05
+_AWAY = 2.0
 _WIDE = 8.0
 _EARLY_STOPS: tuple[tuple[str, str, Callable[[Robot, Goal], object]], ...] = (
     ("cancel_early_s", "a stop", lambda _, goal: goal.cancel()),
@@ -80,6 +81,15 @@ def superseded(bench: Bench) -> None:
     bench.settle()
     bench.expect_still(robot, 2.0, "the old target is driven to after the new one")
     bench.require_status(first, GoalStatus.SUPERSEDED, "a goal ends once")
+    bench.get_going(robot, bench.place(robot, 0.8))
+    away_m = _AWAY * target.radius_m
+    bench.run(bench.way_s(), lambda: bench.tracks[robot.id][-1].distance_m(target.x_m, target.y_m) > away_m)
+    bench.arrive(
+        robot.goto(target, Controller.AC),
+        "it was there last, and set out for another place before it was called back: a goal to where the last one that "
+        "was reached has led is taken for that one, and done, wherever the robot is by now",
+    )
+    bench.settle()
     bench.get_going(robot, bench.place(robot, 0.8))
     at, began_s = bench.look(robot), bench.now_s
     robot.goto(Waypoint(at.x_m, at.y_m), Controller.AC)
@@ -257,7 +267,7 @@ def cancel_own(bench: Bench) -> None:
 
 @clause("goal.timeout", truth=True)
 def timeout(bench: Bench) -> None:
-    """At its time-out a goal is TIMED_OUT, in fleet time, and the robot stops; it stops no goal that came after."""
+    """At its time-out a goal is TIMED_OUT, in fleet time, and the robot stops; no goal that comes after is stopped."""
     robot = bench.open_one()
     timeout_s = 0.5 * bench.harness.room_m / 2.0 / bench.caps.v_max_m_s
     goal = robot.goto(bench.place(robot, 0.9, timeout_s=timeout_s), Controller.AC)
@@ -274,6 +284,11 @@ def timeout(bench: Bench) -> None:
     )
     bench.require(called_s - sent_s >= timeout_s - 1e-6, "it timed out early: host time instead of fleet time")
     bench.expect_stop(robot, "a goal that timed out is not stopped on the vehicle")
+    bench.get_going(
+        robot, bench.place(robot, -0.9),
+        cause="the goal behind one that timed out is lost: what ends a goal on the vehicle ends, or refuses, the next "
+        "one, too",
+    )  # fmt: skip
     robot.goto(bench.place(robot, -0.9, timeout_s=timeout_s), Controller.AC)
     bench.run(timeout_s / 2.0)
     goal = robot.goto(bench.place(robot, -0.8), Controller.AC)

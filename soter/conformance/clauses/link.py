@@ -240,7 +240,7 @@ def revives_nothing(bench: Bench) -> None:
 
 @clause("link.in_time", tier=Tier.WIRE, hooks=("cut",))
 def in_time(bench: Bench) -> None:
-    """Of a robot that does not answer, init() raises RobotUnavailable and close() returns, both in their time."""
+    """Of a robot that does not answer init() raises RobotUnavailable, until it does; it and close() keep their time."""
     (robot,) = bench.open_raw().robots
     _cut(bench, robot)
     began_s = robot.clock.steady_s()
@@ -249,6 +249,14 @@ def in_time(bench: Bench) -> None:
         "init_s", robot.clock.steady_s() - began_s, _PATIENCE_S, _SLACK_S,
         "init() must give up after its time-out: the time of each step in it counts, not of each alone",
     )  # fmt: skip
+    bench.harness.restore(robot.id)
+    try:
+        robot.init(bench.harness.connect_timeout_s)
+    except RobotUnavailable as failure:
+        bench.fail(
+            f"its link is back after an init() that failed, and the next one fails, {str(failure)!r}: what an init() "
+            "that has failed leaves behind, such as a connection that is half made, is in the way of the next one"
+        )
     bench.close()
     robot = bench.open_one()
     _cut(bench, robot)
