@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import threading
 import time
@@ -98,6 +99,8 @@ def try_clause(clause: Clause, harness: Harness) -> tuple[Outcome, Bench]:
         known = diagnosis.explain(bench) if isinstance(failure, LookupError | ValueError) else ""
         if isinstance(failure, IndexError | KeyError) and not known:
             reason += "; is a robot's id taken for an index? Ids are any numbers, in any order"
+        if isinstance(failure, OSError) and failure.errno == errno.EMFILE:
+            reason += "; files or sockets are opened again and again, and not closed"
         reason = known + reason
     finally:
         # However the clause ended, a robot must not be left driving.

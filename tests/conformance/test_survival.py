@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import resource
+from pathlib import Path
+
 import pytest
 
 from soter.conformance import (
@@ -21,6 +24,7 @@ from soter.conformance import (
 from soter.errors import BackendError
 from soter.sdk import Fleet
 from tests.broken.strangers import STRANGERS_ON_WIRE
+from tests.broken.table import BROKEN, outcome_of
 from tests.conformance.failing import Complaining, Dead, Hanging
 from tests.conformance.simulated import SimulatedHarness
 from tests.conformance.wire import WireHarness
@@ -76,6 +80,18 @@ def test_a_truth_that_is_not_told_hides_nothing_that_was_found() -> None:
     (kind,) = (each for each in STRANGERS_ON_WIRE if each.__name__ == "WaitsForAnswers")
     outcome, _ = try_clause(CLAUSES["link.returns"], Unwatched(kind))
     assert "as a rule: they wait" in outcome.reason
+
+
+def test_an_adapter_that_opens_more_than_its_process_may_is_told_that_it_closes_nothing() -> None:
+    (kind,) = (each for each in BROKEN if each.__name__ == "LogsGoals")
+    least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (len([*Path("/proc/self/fd").iterdir()]) + 50, most))
+        outcome = outcome_of(kind, kind.caught_by)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (least, most))
+    assert "Too many open files" in outcome.reason
+    assert "opened again and again, and not closed" in outcome.reason
 
 
 def test_what_hangs_outside_of_python_is_killed_and_costs_its_clause() -> None:
