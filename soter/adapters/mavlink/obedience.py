@@ -137,7 +137,8 @@ class Obedience:
     def _swings(self, now_s: float) -> str:
         """Return a message while a copter that was led off has not come to rest: it would overshoot its top speed."""
         position = self._vehicle.heard_since("LOCAL_POSITION_NED", self._led_s)
-        if position is None or math.hypot(position.vx, position.vy) > self._moving_m_s:
+        # Written so that a speed that is not a number counts as one.
+        if position is None or not math.hypot(position.vx, position.vy) <= self._moving_m_s:
             self._moved_s = now_s
         if not self._vehicle.kind.flies or now_s - self._moved_s > _RESTS_S:
             return ""

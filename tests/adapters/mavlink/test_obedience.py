@@ -399,5 +399,7 @@ def test_a_copter_that_another_has_led_off_is_nobodys_until_it_has_come_to_rest(
     assert tick(puppet, robot, 18)[-1] == led
     swings = {"another ground station has sent it elsewhere, and it has not come to rest since"}
     assert set(tick(puppet, robot, 60)[10:]) == (swings if flies else set())
+    puppet.speed_m_s = math.nan
+    assert set(tick(puppet, robot, 30)[25:]) == (swings if flies else set())
     puppet.speed_m_s = 0.0
     assert len(tick(puppet, robot, 60)) in (range(18, 22) if flies else (0,))
