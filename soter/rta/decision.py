@@ -29,6 +29,16 @@ class Permission(Protocol):
         """Return whether the other robots allow this robot, which the module took then, to go back to its AC now."""
 
 
+def _looks_around(region: Region) -> bool:
+    """Return whether room for a safe controller depends on more than the region's margin."""
+    return type(region).leaves_room is not Region.leaves_room
+
+
+def kept_by_margin(module: RTAModule) -> float:
+    """Return by how much the margin has to exceed R(H), so that the safe controller can still move."""
+    return 0.0 if module.phi_safe is None or _looks_around(module.phi_safe) else module.keep
+
+
 class DecisionModule:
     """One declared module, bound to one robot. Starts in SC.
 
@@ -85,6 +95,8 @@ class DecisionModule:
         self._phi_safe = module.phi_safe
         self._model = module.model
         self._keep = module.keep
+        self._kept_by_margin = kept_by_margin(module)
+        self._looks_around = module.phi_safe is not None and _looks_around(module.phi_safe)
         self._noise = plain(module.phi_safe.noise(timing.noise_m)) if module.phi_safe is not None else 0.0
         unit = "" if module.phi_safe is None else module.phi_safe.unit
         self.monitor: Final = ModuleMonitor(module.model, self._noise, timing.sample_age_s, unit, grows=not foreign)
@@ -161,7 +173,9 @@ class DecisionModule:
             reach = plain(model.reach(situation, self._look_s + age_s))
         self.margin, self.reach = margin, reach
         # Written so that a margin that is not a number counts as danger.
-        if margin - self._noise - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach):
+        if margin - self._noise - reach >= self._kept_by_margin and (
+            not self._looks_around or self._leaves_room(phi_safe, situation, margin, reach)
+        ):
             return False
         unit, needed = phi_safe.unit, reach + self._noise
         room = f", and {self._keep:.3f} {unit} for its safe controller" if margin >= needed else ""
@@ -188,7 +202,9 @@ class DecisionModule:
         reach = plain(model.reach(situation, self._look_s + situation.age_s))
         self.reach = reach
         sure = margin - self._noise
-        trusted = sure - reach >= 0.0 and self._leaves_room(phi_safe, situation, margin, reach)
+        trusted = sure - reach >= self._kept_by_margin and (
+            not self._looks_around or self._leaves_room(phi_safe, situation, margin, reach)
+        )
         if not trusted and not self._safer_alone:
             return False
         if not self._was_engaged and sure >= self._horizon_reach:

@@ -18,8 +18,8 @@ from soter.rta import (
     SpeedBound,
     Timing,
     UnicycleBound,
+    decision,
 )
-from soter.rta.decision import DecisionModule
 from soter.rta.models import bounds
 from soter.stack import recovery, return_path
 from soter.stack.collision import Separation, check_halves
@@ -177,8 +177,8 @@ MUTATIONS: dict[tuple[str, str], Mutation] = {
         Timing, "look_s", lambda timing, delta_s: timing.ahead_s(delta_s) + timing.latency_s
     ),
     ("lemma_1", "stopping left out"): attribute(SpeedBound, "bound", lambda bound, time_s: bound.v_max_m_s * time_s),
-    ("lemma_1", "keep left out"): attribute(DecisionModule, "_leaves_room", lambda *_: True),
-    ("kept_for_paths", "keep left out"): attribute(DecisionModule, "_leaves_room", lambda *_: True),
+    ("lemma_1", "keep left out"): attribute(decision, "kept_by_margin", lambda _: 0),
+    ("kept_for_paths", "keep left out"): attribute(decision, "kept_by_margin", lambda _: 0),
     ("kept_for_paths", "more counted as unused than is"): attribute(
         obstacle, "keep_m", lambda table, planner, timing: keeps(planner, timing, table.delta_s)
     ),
