@@ -168,8 +168,9 @@ class Supervisor:
         """Do one tick at fleet time `now_s`; call it every `base_tick_s`."""
         robots = self._list
         samples = [robot.sense(now_s) for robot in robots]
-        found = {} if self._peers is None else self._peers.look(now_s, samples)
+        found: dict[int, BrokenAssumption] = {}
         if self._peers is not None:
+            found = self._peers.look(now_s, samples)
             for robot in robots:
                 if cause := robot.uncontrolled:
                     # An uncontrolled robot may go wherever its promise lets it, and gives way to nobody.

@@ -296,8 +296,10 @@ class RightOfWay:
 
     def _wait(self, now_s: float, robot: RobotSupervisor) -> _Wait | None:
         """Return since when modules other than the battery's have kept a robot from its AC; None if they do not."""
-        kept_by = () if robot.mode is AC else [each for each in robot.modules if each.mode is SC]
-        if not kept_by or robot.ac_failure or any(each.name == BATTERY for each in kept_by):
+        battery = self._modules(robot).battery
+        charges = battery is not None and battery.mode is SC
+        kept_by = () if robot.mode is AC or charges else [each for each in robot.modules if each.mode is SC]
+        if not kept_by or robot.ac_failure:
             self._waits.pop(robot.robot_id, None)
             return None
         # A module in SC since it was bound has not waited for another robot yet.
