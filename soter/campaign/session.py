@@ -31,7 +31,8 @@ class Totals:
     Attributes:
         runs: number of finished runs that count.
         planned: largest number of runs.
-        violations: number by rule, by ground truth.
+        violations: number by rule, by ground truth, of rules that had a module in their run.
+        unguarded: the same of rules without one.
         status: number of runs that are done, refused, failed.
         left_s: estimate of the remaining host time; None while it is unknown.
     """
@@ -40,6 +41,7 @@ class Totals:
     planned: int = 0
     robot_hours: float = 0.0
     violations: Counter[str] = field(default_factory=Counter)
+    unguarded: Counter[str] = field(default_factory=Counter)
     status: Counter[str] = field(default_factory=Counter)
     left_s: float | None = None
 
@@ -47,7 +49,9 @@ class Totals:
         """Count a run."""
         self.runs += 1
         self.robot_hours += row.robot_hours
-        self.violations.update(row.violations or {})
+        guarded = row.result.get("modules", ())
+        for rule, count in (row.violations or {}).items():
+            (self.violations if rule in guarded else self.unguarded)[rule] += count
         self.status[row.status] += 1
 
 

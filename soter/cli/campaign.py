@@ -211,6 +211,8 @@ def _words(totals: Totals) -> str:
 
     words = [f"{totals.runs} of {totals.planned} runs", f"{totals.robot_hours:.4g} robot-hours"]
     words.append(violations_in_words(dict(totals.violations)))
+    if unguarded := totals.unguarded.total():
+        words.append(f"{unguarded} of rules without a module")
     words += [f"{totals.status[status]} {status}" for status in ("refused", "failed") if totals.status[status]]
     if totals.left_s is not None:
         words.append(left_in_words(totals.left_s))
