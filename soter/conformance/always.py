@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Collection
+from statistics import median
 from typing import TYPE_CHECKING, Final
 
 from soter.conformance.track import turn
@@ -20,6 +22,10 @@ _OFF_RAD: Final = 0.05
 _LATE_S: Final = 0.1
 _LATE_M: Final = 0.01
 _SEAM_RAD: Final = 0.5
+_AROUND: Final = 6
+"""How many samples before a sample, and behind it, show that its velocity is off though the motion is even."""
+
+_EVEN, _ALONE = 0.25, 0.5
 
 _BAD_LINK: Final = "while the link is bad"
 _TOO_FAST: Final = {
@@ -27,9 +33,15 @@ _TOO_FAST: Final = {
     "": "it keeps what it promises in most that it does, and not in what it was driven for here: a limit that does not "
     "count for this controller, direction or kind of goal",
 }
+_LONE: Final = (
+    "one sample of an even motion is far off the others: a reading that failed is handed out as zeros, or a number is "
+    "misread now and then; hand out the last right one"
+)
 _CAUSES: Final[dict[str, dict[str, str]]] = {
     "v_max_m_s": _TOO_FAST,
     "yaw_rate_max_rad_s": _TOO_FAST,
+    "speed_noise_m_s": {"": _LONE},
+    "yaw_rate_noise": {"": _LONE},
     "position_noise_m": {
         "while it moves": "samples are of an older place than their stamp says, or of a smoothed or foreseen one",
         "": "places are off at rest, too: another frame, unit or origin, another robot's place, or a count that drifts",
@@ -49,6 +61,7 @@ class Always:
     def __init__(self) -> None:
         self._worst: dict[str, tuple[float, str]] = {}
         self._only: dict[str, set[str]] = {}
+        self._recent: dict[int, deque[RobotState]] = {}
 
     @property
     def wrong(self) -> str:
@@ -64,10 +77,11 @@ class Always:
         caps = robot.capabilities
         link = {_BAD_LINK} if bench.faulty else set[str]()
         noise_m_s = 0.002 + (caps.speed_noise_m_s or 0.02 * caps.v_max_m_s)
-        speed_m_s = math.hypot(state.vx_m_s, state.vy_m_s)
-        self._keep("v_max_m_s", speed_m_s, _FASTER * caps.v_max_m_s + noise_m_s, robot, link)
+        self._keep("v_max_m_s", _speed_m_s(state), _FASTER * caps.v_max_m_s + noise_m_s, robot, link)
         rate_rad_s = caps.yaw_rate_max_rad_s
         self._keep("yaw_rate_max_rad_s", abs(state.yaw_rate_rad_s), _TURNS * rate_rad_s + _TURNS_RAD_S, robot, link)
+        if not bench.faulty:
+            self._note_lone(robot, state, noise_m_s)
         truth = bench.fleet.truth
         if truth is None:
             return
@@ -84,6 +98,27 @@ class Always:
         self._keep("position_noise_m", off_m, may_be_m + caps.v_max_m_s * age_s, robot, when)
         self._keep("heading_noise_rad", off_rad, may_be_rad + rate_rad_s * age_s, robot, when)
 
+    def _note_lone(self, robot: Robot, state: RobotState, noise_m_s: float) -> None:
+        """Check the velocity of a sample against those around it, if they show an even motion for one goal."""
+        recent = self._recent.setdefault(robot.id, deque(maxlen=2 * _AROUND + 1))
+        if recent and state.stamp_s <= recent[-1].stamp_s:
+            return
+        recent.append(state)
+        if len(recent) <= 2 * _AROUND or any(
+            (each.goal_id, each.controller) != (state.goal_id, state.controller) for each in recent
+        ):
+            return
+        caps = robot.capabilities
+        for promise, rate, most, noise in (
+            ("speed_noise_m_s", _speed_m_s, caps.v_max_m_s, noise_m_s),
+            ("yaw_rate_noise", _yaw_rate_rad_s, caps.yaw_rate_max_rad_s, _TURNS_RAD_S),
+        ):
+            rates = [rate(each) for each in recent]
+            lone = rates.pop(_AROUND)
+            even = median(rates)
+            if abs(even) > _EVEN * most and all(abs(each - even) <= _EVEN * abs(even) for each in rates):
+                self._keep(promise, abs(lone - even), _ALONE * abs(even) + 2.0 * noise, robot)
+
     def _keep(self, promise: str, seen: float, most: float, robot: Robot, when: Collection[str] = ()) -> None:
         times = seen / most
         if times <= 1.0:
@@ -92,3 +127,11 @@ class Always:
         if times > self._worst.get(promise, (0.0, ""))[0]:
             said = f"{promise} was {seen:.3g} of robot {robot.id}, allowed at any time is {most:.3g}"
             self._worst[promise] = (times, said)
+
+
+def _speed_m_s(state: RobotState) -> float:
+    return math.hypot(state.vx_m_s, state.vy_m_s)
+
+
+def _yaw_rate_rad_s(state: RobotState) -> float:
+    return state.yaw_rate_rad_s

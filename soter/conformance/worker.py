@@ -19,6 +19,7 @@ from soter.conformance.given import Given
 from soter.conformance.kit import explain, try_clause
 from soter.conformance.record import Outcome, Subject, Verdict, subject_of
 from soter.conformance.usage import Usage, usage
+from soter.conformance.wall_clock import take_over
 from soter.errors import SoterError
 from soter.isolation.child import MAX_MESSAGE_BYTES, die_with_parent
 
@@ -86,6 +87,7 @@ def main(stdin: BinaryIO, socket_fd: int, lifeline_fd: int) -> None:
     """Try the clauses whose ids come through a socket, until it is closed; stdin names the harness."""
     die_with_parent(lifeline_fd)
     faulthandler.enable()
+    take_over()
     target = pickle.load(stdin)  # noqa: S301 - from the parent
     link = socket.socket(fileno=socket_fd)
     signal.signal(signal.SIGTERM, _stop)

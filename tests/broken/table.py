@@ -20,6 +20,7 @@ from tests.broken.habits import HABITS, HABITS_ON_WIRE
 from tests.broken.host import HOST
 from tests.broken.meeting import MEETING, MEETING_ON_WIRE
 from tests.broken.outages import OUTAGES, OUTAGES_ON_WIRE
+from tests.broken.outsiders import OUTSIDERS, OUTSIDERS_ON_WIRE
 from tests.broken.passing import PASSING
 from tests.broken.promised import PROMISES
 from tests.broken.samples import SAMPLES
@@ -46,10 +47,11 @@ def _written(base: Kind, *modules: ModuleType) -> tuple[Kind, ...]:
 BROKEN: Final[tuple[Kind, ...]] = (
     *_written(in_process.Broken, samples, goals, lives), *SAMPLES, *TARGETS, *PROMISES, *DUTIES, *SELDOM, *CORNERS,
     *DRIVERS, *HABITS, *WAYS, *CROWD, *PASSING, *AFTERWARDS, *STRANGERS, *MEETING, *FIELD,
-    *UNASKED, *OUTAGES, *HOST,
+    *UNASKED, *OUTAGES, *HOST, *OUTSIDERS,
     *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE, *DRIVERS_ON_WIRE,
     *HABITS_ON_WIRE, *WAYS_ON_WIRE, *CROWD_ON_WIRE, *AFTERWARDS_ON_WIRE, *STRANGERS_ON_WIRE,
     *MEETING_ON_WIRE, *FIELD_ON_WIRE, *UNASKED_ON_WIRE, *OUTAGES_ON_WIRE,
+    *OUTSIDERS_ON_WIRE,
 )  # fmt: skip
 
 

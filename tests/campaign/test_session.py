@@ -58,7 +58,9 @@ def test_a_campaign_keeps_what_came_out(tmp_path: Path) -> None:
 
 def test_rules_without_a_module_are_counted_on_their_own(tmp_path: Path) -> None:
     unguarded = {"ac": "adversary:random", "duration_s": 60.0, "rta.modules": ["collision", "geofence"]}
-    totals = ran(campaign(tmp_path, {"seeds": [1, 2, 3], "set": unguarded, "accept_unproved": True}), tmp_path / "kept.sqlite")
+    totals = ran(
+        campaign(tmp_path, {"seeds": [1, 2, 3], "set": unguarded, "accept_unproved": True}), tmp_path / "kept.sqlite"
+    )
     assert totals.violations.total() == 0
     assert totals.unguarded["obstacle"] > 0
 

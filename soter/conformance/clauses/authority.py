@@ -10,6 +10,7 @@ from soter.conformance.trials import Shuttle, Trial, measure_braking
 from soter.sdk import Controller, GoalStatus, Robot
 
 _TWO = 2
+_SILENT_S = 15.0
 _ALTERNATIONS = 1000
 _CHECKED = 100
 _HAND_OVERS_IN_PROCESS = 60
@@ -33,6 +34,27 @@ def preempts(bench: Bench) -> None:
     bench.measure(
         "switch_effective_s", effective_s - switch.requested_s, bench.caps.latency_s, 0.0,
         "the old controller's stream is shut too late",
+    )  # fmt: skip
+
+
+@clause("authority.keeps")
+def keeps(bench: Bench) -> None:
+    """A controller that was given control keeps it while leases are renewed, however long it says nothing."""
+    robot = bench.open_one(Controller.SC)
+    began_s = bench.now_s
+    bench.expect_still(robot, _SILENT_S, "it moves although nothing was asked of it")
+    lost = next(
+        (each for each in bench.since(robot, began_s) if each.state.controller not in (Controller.SC, None)), None
+    )
+    why = "a mux that gives way to the other input when one says nothing, which a lease that is renewed must prevent"
+    if lost is not None:
+        bench.fail(
+            f"nobody has switched, and {lost.at_s - began_s:.1f} s after the last command the sample says that the "
+            f"{lost.state.controller} is in charge and not the SC: {why}"
+        )
+    bench.go(
+        robot, bench.place(robot, 0.3), Controller.SC,
+        cause=f"the SC was in charge and said nothing for {_SILENT_S:.0f} s, and its goal is not driven to: {why}",
     )  # fmt: skip
 
 

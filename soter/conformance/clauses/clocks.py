@@ -11,7 +11,7 @@ from soter.conformance.bench import SETTLE_S, Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
-from soter.conformance.track import turn
+from soter.conformance.track import TURNING_RAD_S, turn
 from soter.sdk import Controller, Robot, RobotState
 
 _LEARNS_S = 3.0
@@ -20,6 +20,7 @@ _STEP_AGE_S = 0.1
 _CHARGE = 0.02
 _OFF_RAD = 0.1
 _AWAY = 0.1
+_TURNS_S, _DRIFTS_S = 1.0, 12.0
 _EVEN = 0.85
 _SLOW = 0.2
 # Vehicle times at whose multiples a counter of few digits or bits wraps, and the counter.
@@ -213,7 +214,35 @@ def restart(bench: Bench) -> None:
         )  # fmt: skip
         bench.go(robot, bench.place(robot, 0.0), cause=deaf)
         bench.settle()
+    if known:
+        _keeps_its_heading(bench, robot)
     _costs_the_other_nothing(bench)
+
+
+def _keeps_its_heading(bench: Bench, robot: Robot) -> None:
+    """Judge the heading of a robot that restarts while it turns."""
+    to = turn(0.0, bench.look(robot).heading_rad - bench.home(robot)[2])
+    robot.goto(bench.place(robot, -0.5 * math.cos(to), -0.5 * math.sin(to)), Controller.AC)
+    bench.run(bench.caps.latency_s + _TURNS_S, lambda: abs(bench.look(robot).yaw_rate_rad_s) > TURNING_RAD_S)
+    bench.harness.restart(robot.id)
+    bench.run(_LEARNS_S)
+    off_rad = [_off_rad(bench, robot)]
+    bench.run(_DRIFTS_S)
+    off_rad.append(_off_rad(bench, robot))
+    drift_rad = abs(turn(*off_rad))
+    bench.require(
+        drift_rad <= bench.still_rad,
+        f"it restarted in a turn, and while it stood since the heading that it says moved by {drift_rad:.2f} rad in "
+        f"{_DRIFTS_S:.0f} s from the one that it has: a gyro whose bias is measured as it is switched on, and which "
+        "was not at rest then",
+    )
+    for by in (Controller.SC, Controller.AC):
+        robot.switch_ac_sc(by, "conformance")
+        bench.run(bench.caps.latency_s + 2 * TICK_S)
+
+
+def _off_rad(bench: Bench, robot: Robot) -> float:
+    return turn(bench.true_pose(robot.id)[2], robot.read_state().heading_rad)
 
 
 def _has_restarted(bench: Bench, before: RobotState, now: RobotState) -> None:

@@ -24,6 +24,7 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S, drive_until
 from soter.conformance.figure import Failed
+from soter.conformance.wall_clock import set_by, taken_over
 from soter.sdk import Controller, Fleet, GoalStatus, Robot, Waypoint
 
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM)
@@ -39,6 +40,10 @@ _MOMENT_S: Final = 0.004
 _TASKS: Final = Path("/proc/self/task")
 
 _STAYS_S: Final = 0.5
+
+_WALL_SET_S: Final = (5.0, -3.0)
+_WALL_LOOK_S: Final = 1.0
+_WALL_OFF_S: Final = 0.5
 
 
 @clause("host.shared")
@@ -258,3 +263,39 @@ def _require_unmoved(bench: Bench, fleet: Fleet, robot: Robot, at: tuple[float, 
     drive_until(fleet, lambda: False, _STAYS_S)
     moved_m = math.dist(robot.read_state()[3:5], at)
     bench.require(moved_m <= bench.held_m, f"{alike}: that one moved by {moved_m:.2f} m for its goal")
+
+
+@clause("host.wall_clock")
+def wall_clock(bench: Bench) -> None:
+    """The host's wall clock is set now and then, also back: fleet time goes on evenly, and samples stay fresh."""
+    with taken_over():
+        robot = bench.open_one()
+        bench.run(_WALL_LOOK_S)
+        for by_s in _WALL_SET_S:
+            _require_even(bench, robot, by_s)
+
+
+def _require_even(bench: Bench, robot: Robot, by_s: float) -> None:
+    """Judge fleet time and the age of samples while the wall clock is set."""
+    caps, way = bench.caps, "forward" if by_s > 0.0 else "back"
+    cause = "it is counted by time.time(), or another clock that people and NTP set; count by time.monotonic()"
+    host_s, fleet_s = time.perf_counter(), bench.now_s
+    set_by(by_s)
+    now_s = bench.now_s
+    passed_s = (time.perf_counter() - host_s) * bench.harness.speedup
+    went_s = now_s - fleet_s
+    was_set = f"the host's wall clock was set {way} by {abs(by_s):g} s"
+    bench.require(
+        -_WALL_OFF_S < went_s < passed_s + _WALL_OFF_S,
+        f"as {was_set}, fleet time went on by {went_s:.2f} s at once: {cause}",
+    )
+    bench.run(_WALL_LOOK_S)
+    state = robot.read_state()
+    age_s = bench.now_s - state.stamp_s
+    bench.require(
+        -_WALL_OFF_S < age_s < caps.sample_age_s + _WALL_OFF_S,
+        f"{was_set}, and samples are said to be {age_s:.2f} s old, the link {state.link.value}: the time at which they "
+        f"arrive is {cause.removeprefix('it is ')}",
+    )
+    set_by(0.0)
+    bench.run(_WALL_LOOK_S)

@@ -12,6 +12,10 @@ from soter.sdk import Controller, Robot
 _TWO = 2
 _LOW = 0.25
 _LEAST = 0.01
+_KEPT = "the cap of an earlier goal is kept, or speeds are planned for a leg as it is started from rest"
+_PLANNED_ONCE = f"the speed_m_s of a goal that takes another's place on the way is not taken up: {_KEPT}"
+_THE_SAME = "a goal to the place that is driven to already is taken for the same, and its speed_m_s left out"
+_CRAWLS, _CRAWLS_S, _TURNS_S = 0.04, 30.0, 5.0
 
 
 def _measure(bench: Bench, robot: Robot, name: str, cap_m_s: float, cause: str) -> None:
@@ -86,15 +90,14 @@ def speed_cap(bench: Bench) -> None:
     _hand_over(bench, robot, Controller.AC, 0.15, cap)
     # A cap counts for its own goal only: the next goal is driven fast again, and the one after that slowly.
     fast = bench.place(robot, -0.8)
-    bench.get_going(robot, fast, cause="the cap of an earlier goal is kept")
-    goal = robot.goto(fast._replace(speed_m_s=cap), Controller.AC)
-    bench.run(bench.orphaned_s())
-    bench.tracks[robot.id].clear()
-    bench.arrive(goal, "a goal to the place that is driven to already is not driven to")
-    _measure(
-        bench, robot, "slowed_speed_m_s", cap,
-        "a goal to the place that is driven to already is taken for the same, and its speed_m_s left out",
-    )  # fmt: skip
+    for to, cause in ((-0.7, _PLANNED_ONCE), (-0.8, _THE_SAME)):
+        bench.get_going(robot, fast, cause=_KEPT)
+        goal = robot.goto(bench.place(robot, to, speed_m_s=cap), Controller.AC)
+        bench.run(bench.orphaned_s())
+        bench.tracks[robot.id].clear()
+        bench.arrive(goal, "a goal to the place that is driven to already, or next to it, is not driven to")
+        _measure(bench, robot, "slowed_speed_m_s", cap, cause)
+        bench.go(robot, bench.place(robot, 0.15))
     _begin_at_rest(bench, robot, cap)
     goal = robot.goto(bench.place(robot, -0.95, speed_m_s=_LEAST * bench.caps.v_max_m_s), Controller.AC)
     bench.settle()
@@ -103,6 +106,31 @@ def speed_cap(bench: Bench) -> None:
         bench, robot, "least_speed_m_s", low,
         "a speed_m_s near 0 counts as none: it is rounded to 0, which the vehicle takes for no cap",
     )  # fmt: skip
+
+
+@clause("goto.crawls", truth=True)
+def crawls(bench: Bench) -> None:
+    """A robot that gets on slowly gets on: it neither leaves its way nor turns back for want of progress."""
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, -0.4))
+    bench.settle()
+    target = bench.place(robot, 0.4, speed_m_s=_CRAWLS * bench.caps.v_max_m_s)
+    goal = robot.goto(target, Controller.AC)
+    # A robot that stood with its back to the target turns first.
+    bench.run(_TURNS_S / bench.caps.yaw_rate_max_rad_s + bench.caps.latency_s)
+    began = bench.look(robot)
+    bench.run(_CRAWLS_S)
+    goal.cancel()
+    least_m = began.distance_m(target.x_m, target.y_m)
+    for each in bench.since(robot, began.at_s):
+        away_m = each.distance_m(target.x_m, target.y_m)
+        least_m = min(least_m, away_m)
+        bench.require(
+            away_m <= least_m + bench.held_m + bench.noise_m,
+            f"it was sent on at {target.speed_m_s:.3g} m/s, and {each.at_s - began.at_s:.1f} s later it was "
+            f"{away_m - least_m:.3f} m farther from its target than it had been: it takes slow progress for none, and "
+            "backs away to try again; nobody has certified that way",
+        )
 
 
 @clause("goto.v_max", truth=True)

@@ -1,0 +1,109 @@
+"""Adapters with bugs out of other drivers' issues: navigation that recovers, muxes that time out, clocks and gyros."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any, Final
+
+from soter.sdk import Controller, Goal, RobotState
+from tests.broken.edits import driven, edited, sampled, wired
+from tests.broken.in_process import Broken
+from tests.broken.on_wire import BrokenWire
+from tests.broken.parts import memory, once_in, with_control
+from tests.conformance.wire import Vehicle, WireRobot
+
+_MANY: Final = 97
+_PROGRESS_M, _PROGRESS_S = 0.1, 10.0
+_BACKS_S, _BACKS_M_S = 1.5, 0.1
+_THERE_M: Final = 0.05
+_SILENT_S: Final = 10.0
+_MOVES_M_S: Final = 0.05
+_BIAS_RAD_S: Final = 0.008
+
+
+def _backs_away(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    """Back up for a while whenever a robot has not got on by 0.1 m in ten seconds."""
+    now_s, at, goal = state[0], state[1:3], robot._mux.passing(state[0])
+    kept = memory(robot, "progress", lambda: {"goal": None, "at": at, "since_s": now_s, "backs_s": -math.inf})
+    if goal is None or math.dist(at, goal.target[:2]) <= _THERE_M or goal is not kept["goal"]:
+        kept.update(goal=goal, at=at, since_s=now_s, backs_s=-math.inf)
+        return speed, rate
+    if now_s < kept["backs_s"]:
+        return -_BACKS_M_S, 0.0
+    if math.dist(at, kept["at"]) > _PROGRESS_M:
+        kept.update(at=at, since_s=now_s)
+    elif now_s - kept["since_s"] > _PROGRESS_S:
+        kept.update(at=at, since_s=now_s + _BACKS_S, backs_s=now_s + _BACKS_S)
+    return speed, rate
+
+
+def _heard(robot: Any) -> list[float]:
+    return memory(robot, "heard_s", lambda: [0.0])  # type: ignore[no-any-return]
+
+
+def _sends_and_is_heard(robot: Any, goal: Goal) -> None:
+    _heard(robot)[0] = robot._world.now_s
+    Broken._send_goto(robot, goal)
+
+
+def _hands_over_and_is_heard(robot: Any, to: Controller) -> None:
+    _heard(robot)[0] = robot._world.now_s
+    Broken._hand_over(robot, to)
+
+
+def _gives_way(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    """Let the AC have the robot once the SC has said nothing for ten seconds."""
+    if robot._mux.in_charge is Controller.SC and state[0] - _heard(robot)[0] > _SILENT_S:
+        robot._mux.switch(Controller.AC)
+    return speed, rate
+
+
+def _keeps_the_speed_of_the_leg(robot: Any, goal: Goal) -> None:
+    before, at = robot._mux.command, robot._honest()
+    if before is not None and math.hypot(at.vx_m_s, at.vy_m_s) > _MOVES_M_S:
+        goal = Goal(robot, goal.id, goal.target._replace(speed_m_s=before.target.speed_m_s), goal.by, goal.sent_s)
+    robot._mux.give(goal.by, goal, robot._world.now_s)
+
+
+def _stamped_by_the_wall_clock(self: Any) -> RobotState | None:
+    state, ahead_s = WireRobot._sample(self), time.time() - time.monotonic()
+    began_s = memory(self, "ahead", lambda: [ahead_s])[0]
+    return None if state is None else state._replace(stamp_s=state.stamp_s + ahead_s - began_s)
+
+
+def _turning(self: Any, *state: float) -> tuple[float, float]:
+    self.turns_rad_s = state[-1]
+    return Vehicle.control(self, *state)
+
+
+def _takes_a_turn_for_rest(self: Any) -> None:
+    Vehicle.restart(self)
+    self.bias = math.copysign(min(abs(self.turns_rad_s), _BIAS_RAD_S), self.turns_rad_s), self.world.now_s
+
+
+def _sampled_with_bias(self: Any, clock_s: float, x: float, y: float, heading: float, rate: float) -> RobotState:
+    by_rad_s, since_s = getattr(self, "bias", (0.0, 0.0))
+    drifted_rad = math.remainder(heading + by_rad_s * (self.world.now_s - since_s), math.tau)
+    return Vehicle.sample(self, clock_s, x, y, drifted_rad, rate)
+
+
+OUTSIDERS: Final[tuple[type[Broken], ...]] = (
+    sampled("ZerosNowAndThen", "Hands out a velocity of 0 where it could not be read, once in 97 samples.",
+            "bounds.long_tube", "handed out as zeros", once_in(_MANY, vx_m_s=0.0, vy_m_s=0.0, yaw_rate_rad_s=0.0)),
+    edited("BacksAway", "Backs up when it has got on by less than 0.1 m in ten seconds, and tries again.",
+           "goto.crawls", "takes slow progress for none", _connect=with_control(_backs_away)),
+    edited("GivesWay", "Lets the AC have the robot when the SC has said nothing for ten seconds.", "authority.keeps",
+           "gives way to the other input", _connect=with_control(_gives_way), _send_goto=_sends_and_is_heard,
+           _hand_over=_hands_over_and_is_heard),
+    edited("PlansSpeedsOnce", "Keeps the speed of the leg under way for a goal that takes its place.",
+           "goto.speed_cap", "planned for a leg", _send_goto=_keeps_the_speed_of_the_leg),
+)  # fmt: skip
+
+OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    wired("StampedByTheWallClock", "Stamps samples by the host's wall clock.", "host.wall_clock", "people and NTP set",
+          _sample=_stamped_by_the_wall_clock),
+    driven("TakesATurnForRest", "Takes the turn rate at which it is switched on again for its gyro's bias.",
+           "deadman.restart", "not at rest then", control=_turning, restart=_takes_a_turn_for_rest,
+           sample=_sampled_with_bias, turns_rad_s=0.0),
+)  # fmt: skip
