@@ -375,7 +375,7 @@ class Bench(Judging):
 
     def expect_still(self, robot: Robot, seconds: float, cause: str) -> None:
         """Fail the clause unless a robot at rest stays where it is."""
-        before = self.look(robot)
+        before, off_rad = self.look(robot), self.heading_off_rad(robot)
         began_s = self.now_s
         self.run(seconds)
         moved = max(
@@ -387,6 +387,8 @@ class Bench(Judging):
         )
         if moved <= _CREEPS * self.caps.v_max_m_s * seconds and turned <= self.still_rad:
             cause = f"it creeps, so nothing holds it at rest; or {cause}"
+        if abs(turn(off_rad, self.heading_off_rad(robot))) > self.still_rad:
+            cause = f"truly it did not turn: the heading that it says drifts, as with a gyro's bias; or {cause}"
         self.require(
             moved <= self.held_m and turned <= self.still_rad,
             f"it moved by {moved:.3f} m and turned by {turned:.2f} rad in {seconds:g} s, expected rest: {cause}",

@@ -13,7 +13,7 @@ from soter.conformance.diagnosis import explain
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import Failed, Figure, NotTested
 from soter.conformance.harness import Harness
-from soter.conformance.track import Fastest, Ramp, TrackSample, fastest, quantile
+from soter.conformance.track import Fastest, Ramp, TrackSample, fastest, quantile, turn
 from soter.sdk import Capabilities, Fleet, Goal, GoalStatus, Robot, Waypoint
 
 STILL_M: Final = 0.005
@@ -102,6 +102,12 @@ class Judging:
             return self.true_pose(robot.id)[:2]
         state = robot.read_state()
         return state.x_m, state.y_m
+
+    def heading_off_rad(self, robot: Robot) -> float:
+        """Return how far the heading that a robot says is off the true one; 0 if that is what is judged, or unknown."""
+        if self.truth or (self.fleet.truth is None and not self.harness.gives("observe")):
+            return 0.0
+        return turn(self.true_pose(robot.id)[2], robot.read_state().heading_rad)
 
     def timed_pose(self, robot_id: int) -> tuple[float, tuple[float, float, float]]:
         """Return a fleet time, and the true pose of a robot at that time."""

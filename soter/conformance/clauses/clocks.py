@@ -226,9 +226,9 @@ def _keeps_its_heading(bench: Bench, robot: Robot) -> None:
     bench.run(bench.caps.latency_s + _TURNS_S, lambda: abs(bench.look(robot).yaw_rate_rad_s) > TURNING_RAD_S)
     bench.harness.restart(robot.id)
     bench.run(_LEARNS_S)
-    off_rad = [_off_rad(bench, robot)]
+    off_rad = [bench.heading_off_rad(robot)]
     bench.run(_DRIFTS_S)
-    off_rad.append(_off_rad(bench, robot))
+    off_rad.append(bench.heading_off_rad(robot))
     drift_rad = abs(turn(*off_rad))
     bench.require(
         drift_rad <= bench.still_rad,
@@ -239,10 +239,6 @@ def _keeps_its_heading(bench: Bench, robot: Robot) -> None:
     for by in (Controller.SC, Controller.AC):
         robot.switch_ac_sc(by, "conformance")
         bench.run(bench.caps.latency_s + 2 * TICK_S)
-
-
-def _off_rad(bench: Bench, robot: Robot) -> float:
-    return turn(bench.true_pose(robot.id)[2], robot.read_state().heading_rad)
 
 
 def _has_restarted(bench: Bench, before: RobotState, now: RobotState) -> None:
