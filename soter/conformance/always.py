@@ -26,6 +26,7 @@ _AROUND: Final = 6
 """How many samples before a sample, and behind it, show that its velocity is off though the motion is even."""
 
 _EVEN, _ALONE = 0.25, 0.5
+_HARDER, _GOT_ON = 3.0, 0.75
 
 _BAD_LINK: Final = "while the link is bad"
 _TOO_FAST: Final = {
@@ -41,7 +42,6 @@ _CAUSES: Final[dict[str, dict[str, str]]] = {
     "v_max_m_s": _TOO_FAST,
     "yaw_rate_max_rad_s": _TOO_FAST,
     "speed_noise_m_s": {"": _LONE},
-    "yaw_rate_noise": {"": _LONE},
     "position_noise_m": {
         "while it moves": "samples are of an older place than their stamp says, or of a smoothed or foreseen one",
         "": "places are off at rest, too: another frame, unit or origin, another robot's place, or a count that drifts",
@@ -108,16 +108,20 @@ class Always:
             (each.goal_id, each.controller) != (state.goal_id, state.controller) for each in recent
         ):
             return
-        caps = robot.capabilities
-        for promise, rate, most, noise in (
-            ("speed_noise_m_s", _speed_m_s, caps.v_max_m_s, noise_m_s),
-            ("yaw_rate_noise", _yaw_rate_rad_s, caps.yaw_rate_max_rad_s, _TURNS_RAD_S),
+        before, lone, after = (recent[_AROUND + each] for each in (-1, 0, 1))
+        speeds_m_s = [_speed_m_s(each) for each in recent]
+        lone_m_s = speeds_m_s.pop(_AROUND)
+        even_m_s = median(speeds_m_s)
+        off_m_s, passed_s = abs(lone_m_s - even_m_s), after.stamp_s - before.stamp_s
+        gap_s = max(lone.stamp_s - before.stamp_s, after.stamp_s - lone.stamp_s)
+        if (
+            even_m_s > _EVEN * robot.capabilities.v_max_m_s
+            and all(abs(each - even_m_s) <= _EVEN * even_m_s for each in speeds_m_s)
+            # A robot cannot have stopped, and gone on, so quickly, and has not: it got on as fast as ever.
+            and off_m_s > _HARDER * robot.capabilities.brake_m_s2 * gap_s
+            and math.dist(before[3:5], after[3:5]) > _GOT_ON * even_m_s * passed_s
         ):
-            rates = [rate(each) for each in recent]
-            lone = rates.pop(_AROUND)
-            even = median(rates)
-            if abs(even) > _EVEN * most and all(abs(each - even) <= _EVEN * abs(even) for each in rates):
-                self._keep(promise, abs(lone - even), _ALONE * abs(even) + 2.0 * noise, robot)
+            self._keep("speed_noise_m_s", off_m_s, _ALONE * even_m_s + 2.0 * noise_m_s, robot)
 
     def _keep(self, promise: str, seen: float, most: float, robot: Robot, when: Collection[str] = ()) -> None:
         times = seen / most
@@ -131,7 +135,3 @@ class Always:
 
 def _speed_m_s(state: RobotState) -> float:
     return math.hypot(state.vx_m_s, state.vy_m_s)
-
-
-def _yaw_rate_rad_s(state: RobotState) -> float:
-    return state.yaw_rate_rad_s
