@@ -20,8 +20,11 @@ SoterError
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Callable
 from pathlib import Path
+
+_HERE = Path(__file__).parent
 
 
 class SoterError(Exception):
@@ -150,6 +153,13 @@ def account_of(failure: BaseException, shown: Callable[[BaseException], str] = r
     except BaseException:  # noqa: BLE001 - foreign code wrote what shows it
         text = "a failure that cannot say what it is"
     return " ".join(text[:MAX_WORDS].split())
+
+
+def place_of(failure: BaseException) -> str:
+    """Return where a failure was raised, as the end of a message: the last line of code that is not SOTER's, if any."""
+    frames = traceback.extract_tb(failure.__traceback__)
+    at = [each for each in frames if not Path(each.filename).is_relative_to(_HERE)] or frames
+    return f" ({Path(at[-1].filename).name}, line {at[-1].lineno})" if at else ""
 
 
 def floor_m(value: float) -> str:

@@ -48,9 +48,10 @@ def mission_class(file: MissionFile) -> type[Mission]:
 
 
 def not_awaited(found: type[Mission]) -> str:
-    """Return, in words, a statement of a script that calls a coroutine without `await`; empty if there is none.
+    """Return, in words, a call of a coroutine in a script that is not awaited; empty if there is none.
 
-    Python would only warn, once the run is under way.
+    It is one if nothing is done with what it returns, or what only an answer has is asked of it. Python would only
+    warn, once the run is under way, and a coroutine is true.
     """
     try:
         lines, first = inspect.getsourcelines(found)
@@ -58,13 +59,33 @@ def not_awaited(found: type[Mission]) -> str:
     except (OSError, TypeError, SyntaxError):  # a class without source, such as one made at a prompt
         return ""
     robot = [*inspect.signature(found.run).parameters][1:2]
+    around = {part: each for each in ast.walk(tree) for part in ast.iter_child_nodes(each)}
     for each in ast.walk(tree):
         match each:
-            case ast.Expr(ast.Call(ast.Attribute(ast.Name(owner), called))):
+            case ast.Call(ast.Attribute(ast.Name(owner), called)):
                 of = Robot if [owner] == robot else found if owner == "self" else None
-                if inspect.iscoroutinefunction(getattr(of, called, None)):
+                if inspect.iscoroutinefunction(getattr(of, called, None)) and _taken_for_an_answer(each, around, tree):
                     return f"`{owner}.{called}(...)` in line {first + each.lineno - 1}"
     return ""
+
+
+def _taken_for_an_answer(call: ast.Call, around: Mapping[ast.AST, ast.AST], tree: ast.Module) -> bool:
+    """Return whether what a call returns is dropped, or asked as if it were an answer, also by the name it is given."""
+    match around[call]:
+        case ast.Assign([ast.Name(name)]):
+            named = [each for each in ast.walk(tree) if isinstance(each, ast.Name) and each.id == name]
+            return all(_asked(each, around) for each in named if isinstance(each.ctx, ast.Load))
+    return _asked(call, around)
+
+
+def _asked(value: ast.expr, around: Mapping[ast.AST, ast.AST]) -> bool:
+    """Return whether a value is dropped, or asked whether it is true, compared, shown, or asked for a part."""
+    match around[value]:
+        case ast.If(test) | ast.While(test) | ast.IfExp(test) | ast.Assert(test):
+            return test is value
+        case ast.Expr() | ast.UnaryOp() | ast.BoolOp() | ast.Compare() | ast.FormattedValue() | ast.Attribute():
+            return True
+    return False
 
 
 def options_of(file: MissionFile, found: type[Mission]) -> Mission.Options:

@@ -122,10 +122,14 @@ class Assumption(Enum):
 
     CONTRACT = (
         "A16",
-        "A safe controller of the user's lets go within lets_go_s where the battery's module needs to drive.",
         (
-            "The time for which a robot that has to charge stands while such a module has it. The return path is "
-            "driven after lets_go_s where it keeps the module's rule."
+            "A safe controller of the user's does not fail, and lets go within lets_go_s where the battery's module "
+            "needs to drive."
+        ),
+        (
+            "What it raises or publishes that is no waypoint, and the time for which a robot that has to charge "
+            "stands while such a module has it. The return path is driven after lets_go_s where it keeps the module's "
+            "rule."
         ),
     )
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from soter.controller import AC, SC
-from soter.errors import Intruder, Uncontrolled, account_of
+from soter.errors import Intruder, Uncontrolled, account_of, place_of
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
 from soter.rta.decision import DecisionModule, Drivers
@@ -409,3 +409,6 @@ class RobotSupervisor:
         self._drive(None)
         if self.mode is AC:
             self.fail_ac(f"AC failed: {account}")
+        else:
+            cause = f"safe controller '{node.name}' failed: {account}{place_of(failure)}"
+            self.log.note(Assumption.CONTRACT, self.situation.now_s, cause)

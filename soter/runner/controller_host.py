@@ -17,6 +17,7 @@ from soter.controllers import Arena, Controller, build
 from soter.errors import account_of
 from soter.geometry.workspace import Workspace
 from soter.isolation.messages import MAX_TEXT
+from soter.isolation.sandbox import denied
 from soter.loading import line_in
 from soter.rta import Report
 from soter.runner.mission_host import MAX_INCIDENTS, Scene
@@ -154,7 +155,7 @@ class ControllerHost:
         except KeyboardInterrupt:
             raise
         except BaseException as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
-            cause = f"{driver.name} failed: {account_of(failure)}{line_in(driver.file, failure)}"
+            cause = f"{driver.name} failed: {account_of(failure)}{line_in(driver.file, failure)}{denied(failure)}"
             logger.error("%s: %s", driver.whose, cause)
             self.failures.update(dict.fromkeys(driver.robot_ids, cause))
         finally:

@@ -11,6 +11,7 @@ from soter.clock import Clock
 from soter.config import MissionFile
 from soter.errors import ConfigError, SoterError, account_of
 from soter.geometry.workspace import Workspace
+from soter.isolation.sandbox import denied
 from soter.loading import file_of, line_in
 from soter.machine import Event, MachineError, MachineRef, Runtime
 from soter.missions import ScriptFailed, Stage, make_mission, placed
@@ -166,7 +167,7 @@ class MachineHost:
                 raise placed(self._mission, refusal) from refusal
             except BaseException as failure:  # noqa: BLE001 - foreign code, whose line is named in place of a traceback
                 where = line_in(file_of(self._mission.mission.use), failure)
-                self.failures[None] = f"the mission failed: {account_of(failure)}{where}"
+                self.failures[None] = f"the mission failed: {account_of(failure)}{where}{denied(failure)}"
                 logger.error("%s", self.failures[None])
         elif part is not None and messages is not None:
             agents = {
@@ -270,7 +271,7 @@ class MachineHost:
         who = f"a machine of the mission failed: {failure.machine}"
         if isinstance(failure.__cause__, ScriptFailed):
             # The author knows the script, not the machine that runs it.
-            words = f"its script failed: {failure.__cause__}"
+            words = f"its script failed: {failure.__cause__}{denied(failure)}"
             who = who if robot_id is None else f"robot {robot_id}"
         logger.error("%s: %s", who, words)
         self.failures.setdefault(robot_id, words)

@@ -178,13 +178,16 @@ class GoTo(Node):
         self._moved_s = 0.0
 
     def engage(self, situation: Situation) -> None:
+        # Until one is chosen: what chooses may fail, and has to say so each time that it is asked.
+        self._place = (math.nan, math.nan)
         self._place = self._choose(situation)
         self._moved_s = situation.now_s
 
     def step(self, situation: Situation) -> None:
-        if self._recovery.moves(situation.own):
+        moves = self._recovery.moves(situation.own)
+        if moves:
             self._moved_s = situation.now_s
-        elif situation.now_s - self._moved_s > BLOCKED_S:
+        if math.isnan(self._place[0]) or (not moves and situation.now_s - self._moved_s > BLOCKED_S):
             # There may have been no place before, or a peer in the way.
             self.engage(situation)
         self._waypoint.publish(Waypoint(*self._place, speed_m_s=self._speed_m_s))

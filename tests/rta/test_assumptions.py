@@ -207,6 +207,22 @@ def test_a16_a_safe_controller_that_does_not_let_go() -> None:
     assert robot.log.breaches[Assumption.CONTRACT].times == 1
 
 
+def test_a16_a_safe_controller_that_fails() -> None:
+    rig = Rig("own")
+
+    def fails(situation: object) -> None:
+        raise RuntimeError("no way out")
+
+    rig.rules["own"].value = 0.0
+    rig.scs["own"].step = fails  # type: ignore[method-assign]
+    for _ in range(3):
+        rig.tick()
+    breach = rig.robot.log.breaches[Assumption.CONTRACT]
+    assert breach.times == 3
+    assert "'own' failed: RuntimeError('no way out') (test_assumptions.py, line " in breach.cause
+    assert not rig.robot.ac_failure
+
+
 @pytest.mark.parametrize(("missed", "assumption"), [(1, Assumption.JITTER), (5, Assumption.SCHEDULING)])
 def test_a5_a11_a_look_that_comes_late(missed: int, assumption: Assumption) -> None:
     rig = started(timing=Timing(latency_s=0.05, jitter_s=0.02, lease_s=0.1))

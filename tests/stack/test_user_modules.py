@@ -376,6 +376,19 @@ def test_a_place_is_chosen_anew_once_the_robot_has_stood_for_a_while() -> None:
     assert wanted == [(0.0, 0.0)] * 2 + [(3.0, 3.0)] * 4 + [(4.0, 4.0)]
 
 
+def test_going_to_a_place_that_cannot_be_chosen_says_why_each_time() -> None:
+    kit = SimpleNamespace(tick_s=0.05, waypoint=Topic("wanted"), recovery=SimpleNamespace(moves=lambda _: True))
+
+    def chooses(_: object) -> tuple[float, float]:
+        raise ZeroDivisionError
+
+    node = GoTo(cast("ModuleKit", kit), chooses, None)
+    for ask in (node.engage, node.step, node.step):
+        with pytest.raises(ZeroDivisionError):
+            ask(seen(At(4.0, 1.5)))
+    assert kit.waypoint.value is None
+
+
 # --- refuges -----------------------------------------------------------------------------------------------
 
 

@@ -6,6 +6,7 @@ Kernels offer different restrictions: `enter` returns those in force, and what e
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import resource
@@ -98,6 +99,7 @@ class InForce:
 
 
 _own: InForce | None = None
+_DENIED: Final = {errno.EROFS, errno.EPERM, errno.EACCES}
 
 
 def enter(
@@ -151,6 +153,21 @@ def enter(
 def inherited() -> Mapping[str, str]:
     """Return by restriction of this process what enforces it; empty without a sandbox."""
     return {} if _own is None else _own.by
+
+
+def denied(failure: BaseException) -> str:
+    """Return, as the end of a message, that the sandbox of this process forbids what failed; empty if it does not."""
+    found: BaseException | None = failure
+    while found is not None:
+        if _own is not None and isinstance(found, OSError) and found.errno in _DENIED:
+            return (
+                "; code of the mission runs in a sandbox here, without a network, and writes to the folder TMPDIR only "
+                "(docs/sandbox.md): write with self.log, or set isolation.sandbox"
+            )
+        # urllib has what went wrong as a reason.
+        reason = getattr(found, "reason", None)
+        found = reason if isinstance(reason, BaseException) else found.__cause__ or found.__context__
+    return ""
 
 
 # --- Landlock ----------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -11,6 +12,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.error import URLError
 
 import pytest
 
@@ -149,3 +151,13 @@ def processes_below(pid: int) -> list[int]:
     path = Path(f"/proc/{pid}/task/{pid}/children")
     found = [int(each) for each in path.read_text().split()]
     return found + [below for each in found for below in processes_below(each)]
+
+
+@pytest.mark.parametrize(
+    "failure", [OSError(errno.EROFS, "x"), URLError(OSError(errno.EPERM, "x")), PermissionError(13, "x")]
+)
+def test_what_a_box_denies_is_said_to_be_denied_by_it(failure: OSError, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert sandbox.denied(failure) == ""
+    monkeypatch.setattr(sandbox, "_own", InForce())
+    assert "isolation.sandbox" in sandbox.denied(failure)
+    assert sandbox.denied(FileNotFoundError(errno.ENOENT, "x")) == ""
