@@ -178,7 +178,8 @@ class RTAModule:
         keep: margin that the safe controller needs to be able to move at all; control is taken, and given back, while
             at least this much is left beyond what the AC can use up.
         lets_go_s: contract with the modules of lower priority: while one of them needs to drive, this module's safe
-            controller has the robot for no longer. Infinite if the safe controller itself does what they need.
+            controller has the robot for no longer. Infinite if the safe controller itself does what they need; for
+            a module of the user's that leaves it out, 30 s.
         peers_within_m: largest distance at which a peer matters to the rule; nearer peers are always in the situation.
             By default all peers, which costs the square of the number of robots; 0 for a rule without peers.
         premise: checks what else has to hold on a robot; raises `IllFormedModule` if it does not.
