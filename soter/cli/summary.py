@@ -28,6 +28,7 @@ OF_A_CHARGE: Final = "of a charge"
 """The unit of margins that are parts of a charge."""
 
 _SHORT_S: Final = 60.0
+_ANSWERS: Final = 0.8
 
 
 class Row(NamedTuple):
@@ -152,6 +153,9 @@ def _machinery(result: RunResult) -> Iterator[Row]:
     tick = result.dm_tick_us
     yield Row("decisions, a tick", f"p50 {tick.p50:.1f} us, p99 {tick.p99:.1f} us, max {tick.max:.0f} us")
     yield from _lateness(result)
+    if result.answered is not None and result.answered < _ANSWERS:
+        who = "the mission" if result.ac == "mission" else result.ac
+        yield Row("ticks answered", f"{100.0 * result.answered:.1f} % by {who}: it is slow", style="yellow")
     if result.missed_ticks:
         yield Row("missed ticks", str(result.missed_ticks), style="yellow")
     if (sandbox := result.sandbox) is not None:

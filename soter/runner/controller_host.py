@@ -81,6 +81,7 @@ class ControllerHost:
     paths_replaced = 0
     done = False
     sandbox = None
+    answers = None
     not_begun = ""
 
     def __init__(self, mission: MissionFile, workspace: Workspace, part: Part | None = None) -> None:

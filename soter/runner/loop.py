@@ -341,6 +341,7 @@ class Loop:
             no_certified_motion=sum(each.declared.recovery.no_certified_motion for each in self.safety.robots.values()),
             monitors=module_figures(self.robots),
             dm_tick_us=metrics.tick_times(),
+            answered=None if self.host.answers is None else round(min(self.host.answers / max(self.ticks, 1), 1.0), 4),
             missed_ticks=metrics.missed_ticks(self.jitter_s),
             tick_late_ms=metrics.tick_lateness() if self.wall_clock else None,
             real_time=self.real_time,

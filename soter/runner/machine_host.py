@@ -59,6 +59,7 @@ class MachineHost:
     """
 
     sandbox = None
+    answers = None
     not_begun = ""
 
     def __init__(

@@ -99,6 +99,10 @@ class MissionHost(Protocol):
     def sandbox(self) -> Mapping[str, str] | None:
         """What the sandbox denies the ACs' process, and by which means; None if they run in this process."""
 
+    @property
+    def answers(self) -> int | None:
+        """Number of ticks that the ACs' process has answered; None if they run in this process, and answer all."""
+
     def ready(self) -> None:
         """Wait until everything in other processes has started."""
 

@@ -117,6 +117,7 @@ class RemoteMissionHost:
         self.failures: dict[int | None, str] = {}
         self.paths_replaced = 0
         self.done = False
+        self.answers = 0
         self.incidents: list[str] = [WALL_CLOCK]
         self._scene: Scene | None = None
         limits = mission.isolation
@@ -206,6 +207,7 @@ class RemoteMissionHost:
 
     def _take(self, turn: Turn, scene: Scene) -> None:
         log = scene.log
+        self.answers += 1
         if scene.on_transition is not None:
             for each in turn.moves:
                 scene.on_transition(TransitionEvent(

@@ -167,6 +167,8 @@ class RunResult(BaseModel, frozen=True):
         real_time: whether ticks were scheduled in real time, before other work of the host.
         sandbox: what the kernel denied the mission's process, by which means, or what it did not, and why; empty
             with `isolation.sandbox = "off"`; None in virtual time, where the mission has no own process.
+        answered: share of the ticks that the mission's process has answered, which is small if the mission or a
+            controller is slow; None in virtual time, where all are answered.
         missed_ticks: ticks that came later than the robots' declared jitter.
         deterministic: whether the same seed gives the same run; False if host time had an influence.
         trace_sha256: hash over all states and decisions.
@@ -212,6 +214,7 @@ class RunResult(BaseModel, frozen=True):
     no_certified_motion: int = 0
     monitors: dict[str, ModuleFigures] = {}
     dm_tick_us: TickTimes
+    answered: float | None = None
     missed_ticks: int = 0
     tick_late_ms: TickTimes | None = None
     real_time: bool = False

@@ -96,6 +96,13 @@ def test_on_a_wall_clock_it_says_how_late_ticks_came(result: RunResult) -> None:
     assert shown["ticks late by"][0] == "p50 0.1 ms, p99 2.0 ms, max 31.2 ms"
 
 
+@pytest.mark.parametrize(("answered", "shown"), [(None, False), (1.0, False), (0.85, False), (0.442, True)])
+def test_a_mission_that_answers_few_ticks_is_named(result: RunResult, answered: float | None, shown: bool) -> None:
+    rows = values(made(result, answered=answered))
+    assert ("ticks answered" in rows) is shown
+    assert not shown or "44.2 %" in rows["ticks answered"][0]
+
+
 def test_disengagements_are_listed_by_module_with_the_needless(result: RunResult) -> None:
     shown = values(made(
         result, disengagements={"geofence": 4, "collision": 1}, joined={"collision": 2}, disengagements_total=5,

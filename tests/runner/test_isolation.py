@@ -171,6 +171,8 @@ def test_a_mission_drives_through_two_processes_as_through_one(hosts: list[Remot
     assert not result.failed_robots
     assert not result.violated
     assert result.ac_share > 0.5
+    assert result.answered is not None
+    assert 0.0 < result.answered <= 1.0
     assert all(len(set(track.x_m)) > 5 for track in run.tracks.tracks.values()), "both robots drove"
     with recorded.open("rb") as file:
         moves = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages("/machines")]

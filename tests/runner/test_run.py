@@ -118,6 +118,7 @@ def test_figures_add_up() -> None:
         assert abs(share - result.ac_share) < 0.2
     assert result.duration_s == 600.0
     assert result.missed_ticks == 0
+    assert result.answered is None, "in virtual time nothing is left unanswered"
 
 
 def test_a_stop_ends_the_run_with_what_there_is() -> None:
