@@ -59,9 +59,11 @@ class Bodies:
         idle_per_s: charge used per second at rest.
         charge_per_s: charge gained per second at rest with the centre on a charger.
         control: the control of each robot.
+        carried: by index, how fast a robot is carried along beside its own speed: metres a second east and north.
     """
 
     __slots__ = (
+        "carried",
         "charge",
         "charge_per_s",
         "control",
@@ -105,3 +107,4 @@ class Bodies:
         self.idle_per_s = [1.0 / spec.idle_s for spec in specs]
         self.charge_per_s = [1.0 / spec.charge_s for spec in specs]
         self.control: list[Control] = [stand_still] * len(specs)
+        self.carried: dict[int, tuple[float, float]] = {}

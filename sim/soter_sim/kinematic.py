@@ -162,6 +162,9 @@ class KinematicEngine:
                 elif not on_charger[i]:
                     judge.flat(i, now_s)
 
+            for i, (east, north) in bodies.carried.items():
+                to_x[i] += east * step_s
+                to_y[i] += north * step_s
             if step >= judge.due:
                 judge.look(step, to_x, to_y, contacts.stop(step))
             x[:] = to_x
@@ -171,7 +174,8 @@ class KinematicEngine:
 
     def velocity(self, index: int) -> tuple[float, float]:
         speed, heading = self.bodies.v[index], self.bodies.heading[index]
-        return speed * cos(heading), speed * sin(heading)
+        east, north = self.bodies.carried.get(index, (0.0, 0.0))
+        return speed * cos(heading) + east, speed * sin(heading) + north
 
     def close(self) -> None:
         """Do nothing: there is nothing to free."""

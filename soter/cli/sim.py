@@ -112,7 +112,7 @@ def mavlink(
         typer.Option(help="What the robots are; rovers if nothing says otherwise.", show_default=False),
     ] = None,
     like: Annotated[
-        Literal["ardurover", "arducopter", "px4"] | None,
+        Literal["ardurover", "ardurover-boat", "arducopter", "px4"] | None,
         typer.Option(help="Like a real autopilot, with its flaws, and nothing that it lacks.", show_default=False),
     ] = None,
     engine: Annotated[

@@ -12,6 +12,7 @@ from __future__ import annotations
 import select
 import socket
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -31,6 +32,7 @@ from soter_sim.bodies import Bodies
 from soter_sim.judge import Judge
 from soter_sim.truth import WorldTruth
 from soter_sim.truth_server import TruthServer
+from tests.autopilot import boat
 
 ORIGIN: Final = GeoPoint(47.397742, 8.545594, 488.0)
 _STEP_S: Final = 0.02
@@ -96,6 +98,8 @@ class Autopilots:
         parameters: what differs from the defaults of the program.
         limits: what the mission promises.
         fastest_m_s: no vehicle is faster.
+        current_m_s: east and north, of the water that boats are in, with `tests.autopilot.boat` for physics; None for
+            vehicles of its own simulator.
 
     Attributes:
         port: to which they send, over UDP.
@@ -116,6 +120,7 @@ class Autopilots:
         parameters: dict[str, float],
         limits: RuleLimits = RuleLimits(),  # noqa: B008 - frozen
         fastest_m_s: float = 10.0,
+        current_m_s: tuple[float, float] | None = None,
     ) -> None:
         self.port: Final = free_port()
         self.processes: Final[dict[int, subprocess.Popen[bytes]]] = {}
@@ -126,6 +131,8 @@ class Autopilots:
         self._earth: Final = None if earth is None else Projection(earth, "workspace")
         self._armed: Final[dict[int, bool]] = {}
         self._program, self._folder, self._model = program, folder, model
+        self._current_m_s: Final = current_m_s
+        self._boats: Final[dict[int, subprocess.Popen[bytes]]] = {}
         self._world: Final = _World(workspace, robots, fastest_m_s, limits)
         self._server: Final = _Server(self._world)  # type: ignore[arg-type]
         self.truth: Final = self._server.address
@@ -161,10 +168,16 @@ class Autopilots:
         own = self._folder / str(robot_id)
         own.mkdir(exist_ok=True)
         witness = self._sockets[robot_id].getsockname()[1]
+        model, port = self._model, free_port()
+        if self._current_m_s is not None:
+            model = "JSON:127.0.0.1"
+            self._boats[robot_id] = subprocess.Popen([
+                sys.executable, "-m", boat.__name__, str(port), *map(str, self._current_m_s), str(radians(yaw_deg)),
+            ])  # fmt: skip
         with (own / "output").open("ab") as output:
             self.processes[robot_id] = subprocess.Popen(
                 [
-                    self._program, "--model", self._model, "--wipe", "--instance", str(robot_id),
+                    self._program, "--model", model, "--wipe", "--instance", str(robot_id), "--sim-port-out", str(port),
                     "--sysid", str(robot_id), "--defaults", self._parameters,
                     "--home", f"{lat_deg:.9f},{lon_deg:.9f},{ORIGIN.alt_m},{yaw_deg:.3f}",
                     "--serial0", f"udpclient:127.0.0.1:{self.port}",
@@ -175,9 +188,11 @@ class Autopilots:
 
     def kill(self, robot_id: int) -> None:
         """End a robot's autopilot at once."""
-        process = self.processes.pop(robot_id)
-        process.kill()
-        process.wait()
+        for started in (self.processes, self._boats):
+            process = started.pop(robot_id, None)
+            if process is not None:
+                process.kill()
+                process.wait()
 
     def armed(self, robot_id: int) -> bool:
         """Return whether a vehicle says to the witness that it is armed."""

@@ -47,12 +47,14 @@ class Example:
         model: of the simulator.
         parameters: what its vehicles need beside what the example sets.
         file: the mission file, where it is not the example's.
+        current_m_s: see `Autopilots`.
     """
 
     folder: str
     model: str
     parameters: dict[str, float]
     file: Path | None = None
+    current_m_s: tuple[float, float] | None = None
 
     @property
     def path(self) -> Path:
@@ -88,6 +90,7 @@ class Example:
             model=self.model,
             parameters=self.parameters | {line[0]: float(line[1]) for line in lines if line and line[0] != "#"},
             limits=RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m),
+            current_m_s=self.current_m_s,
         )  # fmt: skip
 
 

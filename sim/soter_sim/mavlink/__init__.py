@@ -4,8 +4,8 @@ This is the contract for programs that talk to them. It imports nothing: the veh
 
 ```
 python -m soter_sim.mavlink [--udp PORT]... [--tcp PORT]... [--truth PORT] [--vehicle rover|copter]
-    [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--like ardurover|arducopter|px4] [--speedup N]
-    [--boot SECONDS] [--origin LAT,LON,ALT] [--sign FILE] [--parent PID]
+    [--engine kinematic|pybullet] [--rate HZ] [--streams HZ] [--plain] [--speedup N] [--boot SECONDS]
+    [--like ardurover|ardurover-boat|arducopter|px4] [--origin LAT,LON,ALT] [--sign FILE] [--parent PID]
 ```
 
 The world comes on standard input, as `soter.sdk.wire.describe` writes it. Once all sockets are open, one line of JSON

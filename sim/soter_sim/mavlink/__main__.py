@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--rate", type=float, help="control periods in a second")
     parser.add_argument("--streams", type=float, help="messages of a kind in a second at most; else one a period")
     parser.add_argument("--plain", action="store_true", help="without what is added to ArduPilot: master, lease, yaw")
-    parser.add_argument("--like", help="like a real autopilot: ardurover, arducopter or px4")
+    parser.add_argument("--like", help="like a real autopilot: ardurover, ardurover-boat, arducopter or px4")
     parser.add_argument("--speedup", type=float, default=1.0, help="simulated seconds by second, at most")
     parser.add_argument("--boot", type=float, default=2.0, help="simulated seconds until an autopilot is ready")
     parser.add_argument("--origin", metavar="LAT,LON,ALT", help="where on earth a workspace in metres has its origin")

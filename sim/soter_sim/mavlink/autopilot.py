@@ -341,7 +341,7 @@ class Autopilot:
             self.failed = _EKF
             self.say(mav.MAV_SEVERITY_CRITICAL, "EKF failsafe")
             # These modes need no position; set them before modes that do are refused.
-            self.mode = Mode.LAND if self.kind.flies else self.kind.stop
+            self.mode = Mode.LAND if self.kind.flies else Mode.HOLD
             self.guided.halt()
             self.route = self._make_route(self.mode)
         elif before and not flaws.lost and self.failed == _EKF:
@@ -373,10 +373,10 @@ class Autopilot:
         if not self.armed:
             return None
         now_s = world_s - self.booted_s
-        if self.mode is Mode.GUIDED:
-            wanted = self.guided.setpoint(now_s)
+        if self.mode in (Mode.GUIDED, Mode.LOITER):
+            wanted = self.guided.setpoint(now_s) if self.mode is Mode.GUIDED else None
             if self._flaws is not None:
-                wanted = self._flaws.steered(wanted, self._vehicle.sample(), self.parameters["SIM_WIND_SPD"])
+                wanted = self._flaws.steered(wanted, self._vehicle.sample(), self.parameters)
             if self.backwards and isinstance(wanted, Place) and wanted.heading_rad is None:
                 wanted = wanted.backwards_from(self._vehicle.sample())
             return wanted

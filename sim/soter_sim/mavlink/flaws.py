@@ -11,9 +11,13 @@ from math import cos, hypot, inf, pi, sin
 from typing import Final, Literal
 
 from soter_sim.mavlink.frames import wrapped_rad
+from soter_sim.mavlink.parameters import Parameters
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
 
-LIKE: Final[dict[str, Literal["rover", "copter"]]] = {"ardurover": "rover", "arducopter": "copter", "px4": "copter"}
+BOAT_LIKE: Final = "ardurover-boat"
+LIKE: Final[dict[str, Literal["rover", "copter"]]] = {
+    "ardurover": "rover", BOAT_LIKE: "rover", "arducopter": "copter", "px4": "copter",
+}  # fmt: skip
 """By value of `--like`, the kind of vehicle. Of a PX4 no flaws are known: `soter_sim.mavlink.kinds.PX4_COPTER`."""
 
 _ROAMS_M_S: Final = 0.027
@@ -79,10 +83,10 @@ class Flaws:
             north_m_s=true.north_m_s + _ROAMS_M_S * sin(angle_rad),
         )
 
-    def steered(self, wanted: Setpoint, at: Sample, wind_m_s: float) -> Setpoint:
+    def steered(self, wanted: Setpoint, at: Sample, parameters: Parameters) -> Setpoint:
         """Return the set-point that the vehicle actually steers for, with its flaws and the wind."""
         if self._flies:
-            return self._swayed(wanted, _SWAY_M_PER_M_S * wind_m_s)
+            return self._swayed(wanted, _SWAY_M_PER_M_S * parameters["SIM_WIND_SPD"])
         if isinstance(wanted, Place):
             return self._rolling(wanted, at)
         if (

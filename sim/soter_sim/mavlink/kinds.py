@@ -89,6 +89,17 @@ ROVER: Final = Kind(
 )
 """A ground robot; without a pilot it stands in MANUAL."""
 
+BOAT: Final = replace(
+    ROVER,
+    name="boat",
+    mav_type=mav.MAV_TYPE_SURFACE_BOAT,
+    numbers={**ROVER.numbers, Mode.LOITER: 5},
+    stop=Mode.LOITER,
+    stops=frozenset({Mode.HOLD, Mode.LOITER}),
+    armable=ROVER.armable | {Mode.LOITER},
+)
+"""A boat, which drifts in all modes but GUIDED and LOITER where it is not driven."""
+
 COPTER: Final = Kind(
     name="copter",
     mav_type=mav.MAV_TYPE_QUADROTOR,

@@ -8,7 +8,7 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from soter_sim.mavlink.kinds import Kind
+from soter_sim.mavlink.kinds import BOAT, Kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +68,14 @@ _ROVER: Final = {
     "SERVO3_FUNCTION": _whole(74, 74, 74),
     "WP_PIVOT_ANGLE": _whole(60, 60, 60),
 }
+_BOAT: Final = {
+    "FRAME_CLASS": _whole(2, 2, 2),
+    "FS_ACTION": _whole(0, 0, 6),
+    "LOIT_RADIUS": Parameter(0.1, 0.0, 100.0),
+    "LOIT_TYPE": _whole(0, 0, 0),
+    "SIM_TIDE_DIR": Parameter(0.0, 0.0, 360.0),
+    "SIM_TIDE_SPD": Parameter(0.05, 0.0, 2.0),
+}
 _CRUISE_M_S: Final = 0.22
 _COPTER: Final = {
     "WPNAV_RADIUS": Parameter(10.0, 2.0, 1_000.0),
@@ -98,6 +106,7 @@ class Parameters:
         )
         own = {"SYSID_THISMAV": _whole(robot_id, robot_id, robot_id)} | speed
         known = own | _COMMON | (_COPTER if kind.flies else _ROVER) | (_PX4 if kind.is_px4 else {})
+        known |= _BOAT if kind == BOAT else {}
         known |= ({} if plain else _ADDED) | (_BROKEN if flawed else {})
         self.known: Final = dict(sorted(known.items()))
         self.names: Final = tuple(self.known)

@@ -52,9 +52,15 @@ class Rover:
             wanted = setpoint(now_s)
             place = wanted if isinstance(wanted, Place) else None
             command = drive(x_m, y_m, heading_rad, v_m_s, yaw_rate_rad_s, place)
-            return _keep(wanted, heading_rad) if isinstance(wanted, Velocity) else command
+            if isinstance(wanted, Velocity):
+                command = _keep(wanted, heading_rad)
+            self._told(v_m_s, command[0])
+            return command
 
         self._world.set_control(self._id, control)
+
+    def _told(self, v_m_s: float, to_m_s: float) -> None:
+        """Note how fast it is, and is to be."""
 
 
 def _keep(wanted: Velocity, heading_rad: float) -> tuple[float, float]:

@@ -19,11 +19,12 @@ from soter_sim.copter import CopterEngine
 from soter_sim.engine import EngineFactory
 from soter_sim.kinematic import KinematicEngine
 from soter_sim.mavlink.autopilot import Autopilot
+from soter_sim.mavlink.boat import Boat, Holding, current_m_s
 from soter_sim.mavlink.channel import Channel, Source
 from soter_sim.mavlink.copter import Copter
-from soter_sim.mavlink.flaws import LIKE, Flaws
+from soter_sim.mavlink.flaws import BOAT_LIKE, LIKE, Flaws
 from soter_sim.mavlink.frames import Globe, Origin
-from soter_sim.mavlink.kinds import KINDS, PX4_COPTER, Kind
+from soter_sim.mavlink.kinds import BOAT, KINDS, PX4_COPTER, ROVER, Kind
 from soter_sim.mavlink.links import Link, TcpLink, UdpLink
 from soter_sim.mavlink.rover import Rover
 from soter_sim.mavlink.setpoint import Vehicle
@@ -46,7 +47,7 @@ class Settings:
 
     Attributes:
         vehicle: "rover" or "copter".
-        engine: "kinematic" or "pybullet"; copters have the kinematic one only.
+        engine: "kinematic" or "pybullet"; copters and boats have the kinematic one only.
         udp: ports of this host on which ground stations listen.
         tcp: ports to listen on; 0 for any free one.
         truth: port that serves the truth; 0 for any free one.
@@ -88,8 +89,9 @@ class Settings:
             raise ValueError(f"like is '{self.like}', allowed for a {self.vehicle}: {allowed}")
         if self.engine not in ENGINES:
             raise ValueError(f"engine is '{self.engine}', allowed: {', '.join(ENGINES)}")
-        if KINDS[self.vehicle].flies and self.engine != "kinematic":
-            raise ValueError(f"engine is '{self.engine}', allowed for a {self.vehicle}: kinematic")
+        kind = BOAT.name if self.like == BOAT_LIKE else self.vehicle
+        if kind != ROVER.name and self.engine != "kinematic":
+            raise ValueError(f"engine is '{self.engine}', allowed for a {kind}: kinematic")
         for name, least in (("udp", 1), ("tcp", 0), ("truth", 0)):
             ports = getattr(self, name)
             for port in (ports,) if isinstance(ports, int) else ports:
@@ -138,7 +140,7 @@ class Simulation:
         for spec in robots:
             if not 1 <= spec.id <= _SYSTEM_MOST:
                 raise ValueError(f"robot has the id {spec.id}, allowed on MAVLink: 1 to {_SYSTEM_MOST}")
-        kind = PX4_COPTER if settings.like == "px4" else KINDS[settings.vehicle]
+        kind = {"px4": PX4_COPTER, BOAT_LIKE: BOAT}.get(settings.like or "", KINDS[settings.vehicle])
         plan = workspace.plan.origin if isinstance(workspace, Site) else None
         there = settings.origin
         if plan is not None and there[:2] != Origin()[:2]:
@@ -212,14 +214,21 @@ class Simulation:
         if isinstance(world.engine, CopterEngine):
             vehicle = Copter(world.engine, world.index(robot_id))
         else:
-            vehicle = Rover(world, robot_id)
+            vehicle = (Boat if kind == BOAT else Rover)(world, robot_id)
         autopilot = Autopilot(
             robot_id, kind, vehicle, self._origin, settings.boot_s, transmit,
             plain=settings.plain or settings.like is not None,
-            flaws=None if settings.like is None or kind.is_px4 else Flaws(flies=kind.flies),
+            flaws=self._flaws(kind),
         )  # fmt: skip
+        if isinstance(vehicle, Boat):
+            vehicle.current_m_s = lambda: current_m_s(autopilot.parameters) if autopilot.armed else (0.0, 0.0)
         most_hz = min(settings.streams_hz or inf, 1.0 / world.period_s)
         return Station(autopilot, self._channels, transmit, most_hz, self.clock_s)
+
+    def _flaws(self, kind: Kind) -> Flaws | None:
+        if self._settings.like is None or kind.is_px4:
+            return None
+        return Holding() if kind == BOAT else Flaws(flies=kind.flies)
 
     def _add(self, stack: ExitStack, link: Link) -> None:
         self.links.append(link)

@@ -118,6 +118,7 @@ class MavlinkBackend(VehicleBackend):
 
 
 def _options(config: MavlinkConfig) -> list[str]:
-    options = ["--vehicle", config.vehicle, "--speedup", repr(config.speedup), "--boot", repr(config.boot_s)]
+    vehicle = ["--like", "ardurover-boat"] if config.vehicle == "boat" else ["--vehicle", config.vehicle]
+    options = [*vehicle, "--speedup", repr(config.speedup), "--boot", repr(config.boot_s)]
     options += ["--engine", "pybullet"] if config.has_bodies else ["--rate", repr(config.stream_hz)]
     return options if config.passphrase_file is None else [*options, "--sign", str(config.passphrase_file)]

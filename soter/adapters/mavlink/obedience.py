@@ -101,6 +101,11 @@ class Obedience:
         gone = self._vehicle.now_s - self._failed_s > _GONE_S
         return bool(self.disobeys) and self._by_itself and gone
 
+    @property
+    def led(self) -> bool:
+        """Whether another ground station sends it places, or did so until just now."""
+        return bool(self._led)
+
     def _instead(self, *, failsafe: bool) -> str:
         vehicle = self._vehicle
         if vehicle.heartbeat is None:
@@ -127,7 +132,8 @@ class Obedience:
         if target is not None and self.origin is not None:
             place = ArduPilotSphere(self.origin).local(target.lat_int * 1e-7, target.lon_int * 1e-7)
             off_m = self._setpoints.off_m(*place)
-            if off_m > _ELSEWHERE_M:
+            # A boat is held at a place that its autopilot has chosen.
+            if off_m > _ELSEWHERE_M + self._judged.drift_m:
                 self._led_s = self._moved_s = now_s
                 self._led = f"another ground station sends it elsewhere, {off_m:.1f} m from where it was sent here"
         if self._led and now_s - self._led_s > _GONE_S:

@@ -44,9 +44,12 @@ ROVER: Final = Capabilities(
 COPTER: Final = replace(ROVER, brake_m_s2=2.0, yaw_rate_max_rad_s=1.5, pivots_first=False)
 """The simulated copter's promise, likewise."""
 
+BOAT: Final = replace(ROVER, tube_m=0.9, position_noise_m=0.9, speed_noise_m_s=0.1)
+"""The simulated boat's promise, likewise: it drifts where it stands."""
+
 STREAM_HZ: Final = 50.0
 
-VEHICLES: Final = {"rover": ROVER, "copter": COPTER}
+VEHICLES: Final = {"rover": ROVER, "copter": COPTER, "boat": BOAT}
 
 _BODIES_HZ: Final = 20.0
 _HOST_TIMES: Final = ("latency_s", "sample_age_s", "jitter_s")
@@ -104,7 +107,7 @@ class MavlinkConfig(BackendConfig):
 
     connection: str | None = None
     truth: str | None = None
-    vehicle: Literal["rover", "copter"] = "rover"
+    vehicle: Literal["rover", "copter", "boat"] = "rover"
     system_id: Annotated[int, Field(ge=1, le=255)] = 255
     passphrase_file: Path | None = None
     unsigned: bool = False
@@ -210,6 +213,8 @@ class MavlinkConfig(BackendConfig):
         asked = replace(base, **given)
         limits = DriveLimits(asked.v_max_m_s, brake_m_s2=asked.brake_m_s2)
         strays_m = tube_m(limits, asked.latency_s + asked.setpoint_period_s)
+        if self.vehicle == "boat":
+            strays_m = max(strays_m, base.tube_m)
         return _with_periods(replace(asked, **{"tube_m": strays_m, **given}), self.samples_hz, self.speedup)
 
     @property

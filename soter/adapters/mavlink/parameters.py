@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from soter.adapters.mavlink import boats
 from soter.adapters.mavlink.authority import KEEPER
-from soter.adapters.mavlink.vehicle import ARDUROVER, Vehicle
+from soter.adapters.mavlink.vehicle import Vehicle
 from soter.sdk import Capabilities
 
 _STEERING: Final = {
@@ -27,6 +28,7 @@ class JudgedParameters:
 
     def __init__(self, vehicle: Vehicle, promised: Capabilities) -> None:
         self._vehicle: Final = vehicle
+        self._promised: Final = promised
         self._brake_m_s2: Final = promised.brake_m_s2
         self._v_max_m_s: Final = promised.v_max_m_s
         self._yaw_rate_max_rad_s: Final = promised.yaw_rate_max_rad_s
@@ -36,14 +38,20 @@ class JudgedParameters:
     def names(self) -> tuple[str, ...]:
         """The parameters' names, in the order in which they are asked for."""
         kind = self._vehicle.kind
-        return (*(_STEERING if kind == ARDUROVER else ()), *kind.brakes, *kind.speeds, *kind.turns)
+        own = (*(_STEERING if kind.is_ardurover else ()), *(boats.NAMES if kind.drifts else ()))
+        return tuple(dict.fromkeys((*own, *kind.brakes, *kind.speeds, *kind.turns)))
+
+    @property
+    def drift_m(self) -> float:
+        """How far from where it has stopped the vehicle drifts; 0 for one that does not."""
+        return boats.drift_m(self._vehicle.parameters, self._promised) if self._vehicle.kind.drifts else 0.0
 
     def why_refused(self) -> str:
         """Return which parameter does not allow the promise, and values that would; empty if all allow it.
 
-        Parameters that the vehicle does not report are not checked.
+        Parameters that the vehicle does not report are not checked, but for those that hold a boat.
         """
-        return self._steers_wrongly() or self._brakes_weakly() or self._hurries() or self._spins()
+        return self._steers_wrongly() or self._drifts_off() or self._brakes_weakly() or self._hurries() or self._spins()
 
     def ask_again(self) -> None:
         """Ask for the next parameter if one is due. Called while the vehicle drives."""
@@ -54,7 +62,7 @@ class JudgedParameters:
 
     def _steers_wrongly(self) -> str:
         """Refuse a rover that steers with its wheels or does not pivot: safe controllers turn in place."""
-        if self._vehicle.kind != ARDUROVER:
+        if not self._vehicle.kind.is_ardurover:
             return ""
         for name, (from_, to, why) in _STEERING.items():
             value = self._vehicle.parameters.get(name)
@@ -66,6 +74,10 @@ class JudgedParameters:
                     "SERVO3_FUNCTION 74 and WP_PIVOT_ANGLE 20"
                 )
         return ""
+
+    def _drifts_off(self) -> str:
+        """Refuse a boat that its autopilot does not hold as is promised."""
+        return boats.why_refused(self._vehicle.parameters, self._promised) if self._vehicle.kind.drifts else ""
 
     def _brakes_weakly(self) -> str:
         """Refuse a vehicle that limits its braking to less than promised."""

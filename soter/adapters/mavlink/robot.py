@@ -28,7 +28,8 @@ from soter.adapters.mavlink.parameters import JudgedParameters
 from soter.adapters.mavlink.preparation import Preparation
 from soter.adapters.mavlink.sampling import ChargeFilter, Sampler, TimeSync
 from soter.adapters.mavlink.setpoints import Setpoints
-from soter.adapters.mavlink.vehicle import ARDUCOPTER, ARDUROVER, Vehicle
+from soter.adapters.mavlink.standing import Standing
+from soter.adapters.mavlink.vehicle import Vehicle
 from soter.adapters.mavlink.whereabouts import Whereabouts
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable, Uncontrolled, Unsupported
@@ -73,22 +74,20 @@ class MavlinkRobot(Robot):
         self._time_sync: Final = TimeSync(spec.id, clock, self._vehicle.inbox)
         self._authority: Final = Authority(self._vehicle)
         self._setpoints: Final = Setpoints(self._vehicle, self.declared.v_max_m_s)
-        judged = JudgedParameters(self._vehicle, self.declared)
+        self._standing: Final = Standing(self._vehicle, self._setpoints, self.declared, clock)
+        self._judged: Final = JudgedParameters(self._vehicle, self.declared)
         self._preparation: Final = Preparation(
-            self._vehicle, self._time_sync, self._authority, self._setpoints, config, self.declared, judged
+            self._vehicle, self._time_sync, self._authority, self._setpoints, config, self.declared, self._judged
         )
         self._sampler: Final = Sampler(
             spec.id, self._vehicle.inbox, self._time_sync, ChargeFilter(spec.drive_s, *volts), self._reported
         )
         self._whereabouts: Final = Whereabouts(self._vehicle, self.declared.v_max_m_s, config.gps_accuracy_m)
         self._obedience: Final = Obedience(
-            self._vehicle, self._whereabouts, self._setpoints, judged, self.declared.moving_m_s
+            self._vehicle, self._whereabouts, self._setpoints, self._judged, self.declared.moving_m_s
         )
         self._charge = Controller.SC
         self._leg: TargetLeg | None = None
-        self._halted_at: tuple[float, float, float] | None = None
-        self._sent_to: tuple[float, float, float] | None = None
-        self._halted_s: float | None = None
         self._turns = False
         self._refusal = ""
         self._gated = False
@@ -128,7 +127,7 @@ class MavlinkRobot(Robot):
             raise RobotUnavailable(f"robot {self.id}: it is ready, but does not say where it is")
         found = self.declared
         if not self._gated:
-            reverses = found.reverses and (self._sampler.flies or self._vehicle.kind == ARDUROVER)
+            reverses = found.reverses and (self._sampler.flies or self._vehicle.kind.is_ardurover)
             # Without a gate it pivots first, too. But its last target outlives the lease, so it still ends its turn: no
             # farther from its place than the lease allows, but later.
             found = replace(found, reports_controller=False, reverses=reverses, pivots_first=False)
@@ -184,10 +183,10 @@ class MavlinkRobot(Robot):
         if not self._preparation.ready:
             self._tell_of_switch()
             raise Uncontrolled(self._refusal or self._preparation.why_again())
-        if trouble := self._whereabouts.astray or self._obedience.disobeys:
-            # Until now another may have driven it: only from here on an ArduCopter comes to rest before it gets places.
-            self._halted_s = None
-            self._stand(None)
+        latest = self._sampler.latest
+        if trouble := self._whereabouts.astray or self._obedience.disobeys or self._standing.drifted(latest):
+            self._standing.taken(led=self._obedience.led)
+            self._stand(latest if self._vehicle.kind.drifts else None)
             raise Uncontrolled(trouble)
         self._renewed_s = self.clock.now()
         if self._gated:
@@ -213,7 +212,7 @@ class MavlinkRobot(Robot):
         lost = sample is None or self.clock.now() - sample.stamp_s > self.stale_after_s
         # A robot that is no longer heard has stopped by itself: wait at most _LOST_S.
         self._repeat(self._stop, self._stands, min(timeout_s, _LOST_S) if lost else timeout_s)
-        if self._preparation.armed_it and not kind.flies:
+        if self._preparation.armed_it and not kind.flies and not kind.drifts:
             arm = mav.MAV_CMD_COMPONENT_ARM_DISARM
             self._repeat(lambda: vehicle.command(KEEPER, arm, 0.0), lambda: not vehicle.armed, _LOST_S)
         if self._gated:
@@ -252,7 +251,7 @@ class MavlinkRobot(Robot):
     @property
     def _reverses(self) -> bool:
         """Whether this is a rover without a gate that is told to drive forwards or backwards."""
-        return not self._gated and self._vehicle.kind == ARDUROVER and self.declared.reverses
+        return not self._gated and self._vehicle.kind.is_ardurover and self.declared.reverses
 
     def _timed(self) -> bool:
         """Return whether the vehicle's clock is known well enough: samples from the future would be refused."""
@@ -266,7 +265,7 @@ class MavlinkRobot(Robot):
         frame = self._sampler.frame = self._frame(preparation.origin)
         self._setpoints.begin(frame)
         self._sampler.flies = kind.flies
-        self._halted_at = self._halted_s = self._sent_to = None
+        self._standing.begin(self._known())
         self._gated = preparation.gated is True
         self._whereabouts.begin()
         self._obedience.begin(preparation.origin, gated=self._gated)
@@ -326,11 +325,13 @@ class MavlinkRobot(Robot):
             return
         promised, now_s = self.declared, self.clock.now()
         left_s = promised.lease_s - (now_s - self._renewed_s)
-        ended = not self._sampler.flies and leg.ended(at, promised.position_noise_m)
-        if left_s <= 0.0 or ended or self._is_late(at) or self._brakes:
+        # What a boat drifts is no error of its places.
+        noise_m = promised.position_noise_m - self._judged.drift_m
+        ended = not self._sampler.flies and leg.ended(at, noise_m)
+        if left_s <= 0.0 or ended or self._standing.is_late(at) or self._standing.brakes:
             self._stand(at)
             return
-        self._halted_at = self._halted_s = None
+        self._standing.driven_on()
         if not self._sampler.flies:
             # A rover acts on a target half a period late on average, and brakes harder and later than it promises.
             left_s = max(left_s - 0.5 * promised.setpoint_period_s, 0.0)
@@ -341,56 +342,24 @@ class MavlinkRobot(Robot):
         if self._reverses:
             self._setpoints.drive_backwards(leg.backwards)
         way = leg._replace(target=target)
-        if self._vehicle.kind == ARDUROVER:
+        if self._vehicle.kind.is_ardurover:
             far = way.ahead(at, reach_m(promised.v_max_m_s, promised.brake_m_s2, promised.lease_s))
             turn_rad = promised.yaw_rate_max_rad_s * promised.lease_s
-            heading_rad = leg.facing(at, far, promised.position_noise_m, turn_rad, turns=self._turns)
+            heading_rad = leg.facing(at, far, noise_m, turn_rad, turns=self._turns)
             self._turns = heading_rad is not None
             if heading_rad is not None:
                 self._setpoints.turn(self._charge, at.x_m, at.y_m, heading_rad)
                 return
         ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s) * fastest_m_s / promised.v_max_m_s
-        place = self._sent_to = way.ahead(at, ahead_m)
+        place = way.ahead(at, ahead_m)
+        self._standing.sent(place)
         self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
         # ArduCopter forgets its limit with the first place after a velocity, ArduRover refuses one before it.
         self._setpoints.cap_speed(target.speed_m_s)
 
     def _stand(self, at: RobotState | None) -> None:
-        """Tell the vehicle to stop and stay, as the active controller.
-
-        An ArduCopter without a gate is sent the place where it can stop, or the last place while its samples are late.
-        When it is sent a velocity after a place, or a place after a velocity, it goes on accelerating or braking as it
-        did then, as if the wind had to be held out against, and comes up to twice its speed limit.
-        """
-        if self._gated or self._vehicle.kind != ARDUCOPTER or not self._preparation.ready:
-            self._setpoints.stand(self._charge)
-            return
-        place = None
-        if at is not None and not self._brakes:
-            place = self._halted_at or (self._sent_to if self._is_late(at) else self._stopping_place(at))
-        self._halted_at = self._sent_to = place
-        if place is None:
-            self._halted_s = self.clock.now() if self._halted_s is None else self._halted_s
-            self._setpoints.stand(self._charge)
-            return
-        self._halted_s = None
-        self._setpoints.stand_at(self._charge, *place)
-
-    def _stopping_place(self, at: RobotState) -> tuple[float, float, float]:
-        """Return where a vehicle comes to rest that brakes as promised."""
-        ahead_s = self.clock.now() - at.stamp_s + math.hypot(at.vx_m_s, at.vy_m_s) / (2.0 * self.declared.brake_m_s2)
-        return at.x_m + ahead_s * at.vx_m_s, at.y_m + ahead_s * at.vy_m_s, at.z_m
-
-    @property
-    def _brakes(self) -> bool:
-        """Whether an ArduCopter that was stopped by a velocity may not be at rest yet."""
-        promised, since_s = self.declared, self._halted_s
-        return since_s is not None and self.clock.now() - since_s <= promised.v_max_m_s / promised.brake_m_s2
-
-    def _is_late(self, at: RobotState) -> bool:
-        """Whether samples wait on the link: then targets may wait as well, and arrive when they are no longer valid."""
-        promised = self.declared
-        return self.clock.now() - at.stamp_s > promised.sample_age_s + promised.jitter_s + promised.lease_s
+        """Tell the vehicle to stop and stay, as the active controller."""
+        self._standing.stand(self._charge, at, plainly=self._gated or not self._preparation.ready)
 
     def _reported(self) -> Controller | None:
         """Return the active controller that the vehicle reports; None while the vehicle is not in its guided mode."""

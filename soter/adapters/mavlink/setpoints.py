@@ -130,6 +130,11 @@ class Setpoints:
         """Return the distance of a place, in metres from the EKF's origin, to the nearest of the places sent last."""
         return min((math.dist((north_m, east_m), each) for each in self._sent), default=math.inf)
 
+    def count(self, x_m: float, y_m: float, z_m: float) -> None:
+        """Count a place as one that was sent."""
+        north_m, east_m, _ = self.frame.to_ned(x_m, y_m, z_m)
+        self._sent.append((north_m, east_m))
+
     def _place(self, x_m: float, y_m: float, z_m: float) -> dict[str, float]:
         return dict(zip(("x", "y", "z"), self.frame.to_ned(x_m, y_m, z_m), strict=True))
 

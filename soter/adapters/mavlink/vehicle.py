@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import radians
 from typing import Any, Final, NamedTuple
 
@@ -15,11 +15,13 @@ from soter.adapters.mavlink.frames import GeoPoint
 from soter.adapters.mavlink.link import AUTOPILOT, Fields, MavlinkLink
 from soter.errors import RobotUnavailable
 
-_ROVERS: Final = frozenset({mav.MAV_TYPE_GROUND_ROVER})
-_COPTERS: Final = frozenset({
-    mav.MAV_TYPE_QUADROTOR, mav.MAV_TYPE_COAXIAL, mav.MAV_TYPE_HELICOPTER, mav.MAV_TYPE_HEXAROTOR,
-    mav.MAV_TYPE_OCTOROTOR, mav.MAV_TYPE_TRICOPTER, mav.MAV_TYPE_DODECAROTOR,
-})  # fmt: skip
+_NAMES: Final = {mav.MAV_TYPE_GROUND_ROVER: "rover", mav.MAV_TYPE_SURFACE_BOAT: "boat"} | dict.fromkeys(
+    (
+        mav.MAV_TYPE_QUADROTOR, mav.MAV_TYPE_COAXIAL, mav.MAV_TYPE_HELICOPTER, mav.MAV_TYPE_HEXAROTOR,
+        mav.MAV_TYPE_OCTOROTOR, mav.MAV_TYPE_TRICOPTER, mav.MAV_TYPE_DODECAROTOR,
+    ),
+    "copter",
+)  # fmt: skip
 
 
 def px4_mode(main: int, sub: int = 0) -> int:
@@ -34,7 +36,7 @@ class VehicleKind:
     One number means different modes on different kinds, and PX4 packs two numbers into one.
 
     Attributes:
-        name: "rover" or "copter", as in the options.
+        name: "rover", "copter" or "boat", as in the options.
         autopilot: HEARTBEAT's MAV_AUTOPILOT.
         flies: whether it has to take off first, and has a height.
         guided: the mode in which it takes targets.
@@ -44,6 +46,7 @@ class VehicleKind:
         brakes: the parameters that limit its braking, with their unit in m/s2; the first of them above 0 counts.
         speeds: the parameters that limit its speed before it is asked for less, with their unit in m/s.
         turns: the parameters that limit its turn rate, with their unit in rad/s; 0 is no limit.
+        drifts: whether wind and water carry it off where it has stopped, as far as its autopilot lets them.
     """
 
     name: str
@@ -56,6 +59,12 @@ class VehicleKind:
     brakes: Mapping[str, float] = field(default_factory=dict)
     speeds: Mapping[str, float] = field(default_factory=dict)
     turns: Mapping[str, float] = field(default_factory=dict)
+    drifts: bool = False
+
+    @property
+    def is_ardurover(self) -> bool:
+        """Whether ArduRover drives it: it is turned by headings, and told which way to drive."""
+        return not self.flies and not self.is_px4
 
     @property
     def is_px4(self) -> bool:
@@ -79,6 +88,9 @@ ARDUROVER: Final = VehicleKind(
     names={0: "MANUAL", 3: "STEERING", 4: "HOLD", 5: "LOITER", 10: "AUTO", 11: "RTL", 15: "GUIDED"},
     brakes={"ATC_DECEL_MAX": 1.0, "ATC_ACCEL_MAX": 1.0}, turns={"WP_PIVOT_RATE": radians(1.0)},
 )  # fmt: skip
+ARDUBOAT: Final = replace(ARDUROVER, name="boat", stop=5, speeds={"WP_SPEED": 1.0}, drifts=True)
+"""A boat of ArduRover. HOLD stops its motors; in LOITER it keeps its place, as fast as WP_SPEED."""
+
 ARDUCOPTER: Final = VehicleKind(
     "copter", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=True, guided=4, stop=17, land=9,
     names={0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND", 17: "BRAKE"},
@@ -97,7 +109,7 @@ _PX4_COPTER: Final = VehicleKind(
     names=_PX4_NAMES,
 )  # fmt: skip
 _KINDS: Final = {
-    (kind.name, kind.autopilot): kind for kind in (ARDUROVER, ARDUCOPTER, _PX4_ROVER, _PX4_COPTER)
+    (kind.name, kind.autopilot): kind for kind in (ARDUROVER, ARDUBOAT, ARDUCOPTER, _PX4_ROVER, _PX4_COPTER)
 }  # fmt: skip
 
 
@@ -107,13 +119,13 @@ def kind_of(vehicle_type: int, autopilot: int) -> VehicleKind:
     Raises:
         RobotUnavailable: this adapter cannot command such a vehicle.
     """
-    if vehicle_type == mav.MAV_TYPE_SURFACE_BOAT:
+    name = _NAMES.get(vehicle_type, "")
+    kind = _KINDS.get((name, autopilot))
+    if kind is None and name == ARDUBOAT.name:
         raise RobotUnavailable(
             "it is a boat, which drifts where it has stopped: neither its safe controllers nor the end of its lease "
-            "would hold it; this adapter commands rovers and multicopters"
+            "would hold it; this adapter commands rovers and multicopters, and boats with ArduPilot, which holds them"
         )
-    name = "rover" if vehicle_type in _ROVERS else "copter" if vehicle_type in _COPTERS else ""
-    kind = _KINDS.get((name, autopilot))
     if kind is None:
         raise RobotUnavailable(
             f"it is a vehicle of MAV_TYPE {vehicle_type} with MAV_AUTOPILOT {autopilot}; this adapter commands rovers "

@@ -52,8 +52,8 @@ class Wire(Simulation):
         origin = Origin() if place is None else Origin(place.lat_deg, place.lon_deg, place.alt_m)
         rate_hz = config.stream_hz
         settings = Settings(
-            vehicle=config.vehicle, tcp=(0,), rate_hz=rate_hz, like=like, boot_s=config.boot_s, origin=origin,
-            limits=config.limits,
+            vehicle="copter" if config.vehicle == "copter" else "rover", tcp=(0,), rate_hz=rate_hz, like=like,
+            boot_s=config.boot_s, origin=origin, limits=config.limits,
         )  # fmt: skip
         super().__init__(config.workspace, robots, settings)
         self._others: Final = Channel(lambda _: None, None, datagrams=True)
@@ -131,7 +131,7 @@ class _Fleet(Fleet):
 class VirtualConfig(MavlinkConfig):
     """Options of it: those of `mavlink`, and the flaws."""
 
-    like: Literal["ardurover", "arducopter", "px4"] | None = None
+    like: Literal["ardurover", "ardurover-boat", "arducopter", "px4"] | None = None
 
 
 class VirtualBackend(MavlinkBackend):

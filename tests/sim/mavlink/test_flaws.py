@@ -7,6 +7,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter_sim.mavlink.kinds import Mode
 from soter_sim.mavlink.simulation import Settings
 from tests.sim.mavlink.client import FAILED, VELOCITY, Rig
 
@@ -130,3 +131,49 @@ def test_another_ekf_has_its_origin_where_the_vehicle_is_when_it_is_chosen() -> 
         rig.target(5.06, 5.0)
         rig.run(3.0)
         assert rig.at() == pytest.approx((5.06, 5.0), abs=0.1)
+
+
+def boat() -> Rig:
+    rig = Rig(like="ardurover-boat")
+    rig.autopilot.parameters.set("SIM_TIDE_SPD", 0.2)
+    rig.autopilot.parameters.set("SIM_TIDE_DIR", 270.0)
+    rig.run(2.5)
+    assert rig.at() == (5.0, 5.0), "it is moored until it is armed"
+    rig.guided()
+    return rig
+
+
+def drifts_to_m(rig: Rig, seconds: float) -> float:
+    """Return how far east a boat gets within a time, in which it keeps to its line."""
+    most_m = 0.0
+    for _ in range(round(seconds / rig.period_s)):
+        rig.run(rig.period_s)
+        most_m = max(most_m, rig.at()[0] - 5.0)
+        assert rig.at()[1] == pytest.approx(5.0, abs=0.3)
+    return most_m
+
+
+def test_a_boat_drifts_within_its_radius_and_is_driven_back() -> None:
+    with boat() as rig:
+        rig.autopilot.parameters.set("LOIT_RADIUS", 0.5)
+        assert 0.5 <= drifts_to_m(rig, 30.0) <= 1.0
+        # LOITER holds it, too, where it is then; HOLD lets it go.
+        rig.autopilot.set_mode(Mode.LOITER, "test")
+        assert drifts_to_m(rig, 30.0) <= 2.0
+        rig.autopilot.set_mode(Mode.HOLD, "test")
+        assert drifts_to_m(rig, 30.0) >= 6.0
+
+
+def test_a_boat_is_held_once_it_has_been_told_nothing_for_three_seconds() -> None:
+    with boat() as rig:
+        for _ in range(10):
+            rig.velocity(0.0, 0.0, mask=STANDS)
+            rig.run(1.0)
+        drifted_m = rig.at()[0] - 5.0
+        assert drifted_m == pytest.approx(2.0, abs=0.1)
+        assert 0.4 <= drifts_to_m(rig, 30.0) - drifted_m <= 0.8
+
+
+def test_a_boat_has_the_kinematic_engine_only() -> None:
+    with pytest.raises(ValueError, match="engine is 'pybullet', allowed for a boat: kinematic"):
+        Settings(like="ardurover-boat", engine="pybullet", tcp=(0,))
