@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from soter.adapters.mavlink.backend import MavlinkBackend
 from soter.adapters.mavlink.harness import MavlinkHarness, MavlinkRelay
 from soter.adapters.mavlink.options import MavlinkConfig
-from soter.adapters.mavlink.vehicle import ARDUCOPTER, ARDUROVER
+from soter.adapters.mavlink.vehicle import ARDUBOAT, ARDUCOPTER, ARDUROVER
 from soter.cli.given import read_given
 from soter.conformance.given import GivenHarness
 from soter.sdk import Fleet, RobotSpec
@@ -45,7 +45,7 @@ class PairHarness(GivenHarness):
         super().__init__(first, MavlinkHarness.between)
         assert isinstance(first.config, MavlinkConfig)
         self.name = f"mavlink, two ArduPilots ({first.config.vehicle})"
-        self._stop: Final = {each.name: each.stop for each in (ARDUROVER, ARDUCOPTER)}[first.config.vehicle]
+        self._stop: Final = {each.name: each.stop for each in (ARDUROVER, ARDUBOAT, ARDUCOPTER)}[first.config.vehicle]
         self._specs: Final = (first.spec, second.spec)
 
     def open(self, robots: int) -> Fleet:

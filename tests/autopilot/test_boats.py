@@ -27,8 +27,8 @@ pytestmark = [
 
 # What the physics need: motors that are off until it is armed, steps in which Python keeps up, and tuning.
 _TUNED: Final = {
-    "MOT_SAFE_DISARM": 1, "SIM_RATE_HZ": 200, "CRUISE_SPEED": 1, "CRUISE_THROTTLE": 30, "ATC_STR_RAT_FF": 0.4,
-    "ATC_STR_RAT_P": 0.2, "ATC_STR_RAT_I": 0.2, "ATC_SPEED_P": 0.8, "ATC_SPEED_I": 0.4,
+    "MOT_SAFE_DISARM": 1, "SIM_RATE_HZ": 200, "CRUISE_SPEED": 1, "CRUISE_THROTTLE": 24, "ATC_STR_RAT_FF": 0.4,
+    "ATC_STR_RAT_P": 0.2, "ATC_STR_RAT_I": 0.2, "ATC_SPEED_P": 1.2, "ATC_SPEED_I": 0.1,
 }  # fmt: skip
 BOAT: Final = Example("ardurover-boat", "", SIMULATED | _TUNED, current_m_s=(0.16, -0.1))
 DRIFTS_M: Final = 0.3 + 0.2 + 5.0 * 0.25
