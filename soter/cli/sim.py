@@ -184,7 +184,7 @@ def _say_how_to_connect(simulation: Simulation, settings: Settings) -> None:
     kind, host, port = link.address.split(":")
     names = ", ".join(str(autopilot.id) for autopilot in simulation.autopilots)
     many = len(simulation.autopilots) > 1
-    emit(f"{settings.vehicle}{'s' if many else ''} with system id{'s' if many else ''} {names}, until Ctrl-C")
+    emit(f"{settings.kind.name}{'s' if many else ''} with system id{'s' if many else ''} {names}, until Ctrl-C")
     emit("")
     emit(f"SOTER           {link.address}")
     emit(f"MAVProxy        mavproxy.py --master={link.address}")

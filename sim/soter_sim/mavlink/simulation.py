@@ -81,6 +81,11 @@ class Settings:
     origin: Origin = field(default_factory=Origin)
     limits: RuleLimits = field(default_factory=RuleLimits)
 
+    @property
+    def kind(self) -> Kind:
+        """The kind of vehicle."""
+        return {"px4": PX4_COPTER, BOAT_LIKE: BOAT}.get(self.like or "", KINDS[self.vehicle])
+
     def __post_init__(self) -> None:
         if self.vehicle not in KINDS:
             raise ValueError(f"vehicle is '{self.vehicle}', allowed: {', '.join(KINDS)}")
@@ -89,9 +94,8 @@ class Settings:
             raise ValueError(f"like is '{self.like}', allowed for a {self.vehicle}: {allowed}")
         if self.engine not in ENGINES:
             raise ValueError(f"engine is '{self.engine}', allowed: {', '.join(ENGINES)}")
-        kind = BOAT.name if self.like == BOAT_LIKE else self.vehicle
-        if kind != ROVER.name and self.engine != "kinematic":
-            raise ValueError(f"engine is '{self.engine}', allowed for a {kind}: kinematic")
+        if self.kind != ROVER and self.engine != "kinematic":
+            raise ValueError(f"engine is '{self.engine}', allowed for a {self.kind.name}: kinematic")
         for name, least in (("udp", 1), ("tcp", 0), ("truth", 0)):
             ports = getattr(self, name)
             for port in (ports,) if isinstance(ports, int) else ports:
@@ -140,7 +144,7 @@ class Simulation:
         for spec in robots:
             if not 1 <= spec.id <= _SYSTEM_MOST:
                 raise ValueError(f"robot has the id {spec.id}, allowed on MAVLink: 1 to {_SYSTEM_MOST}")
-        kind = {"px4": PX4_COPTER, BOAT_LIKE: BOAT}.get(settings.like or "", KINDS[settings.vehicle])
+        kind = settings.kind
         plan = workspace.plan.origin if isinstance(workspace, Site) else None
         there = settings.origin
         if plan is not None and there[:2] != Origin()[:2]:

@@ -10,17 +10,20 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from soter.adapters.mavlink.backend import VehicleBackend
 from soter.adapters.mavlink.boats import drift_m
 from soter.adapters.mavlink.robot import MavlinkRobot
 from soter.errors import RobotUnavailable, Uncontrolled
-from soter.sdk import Controller, Fleet, Waypoint
+from soter.sdk import Controller, Fleet, GoalStatus, Waypoint
 from tests.adapters.mavlink.puppet import HostTime, Puppet, robot_of
 from tests.adapters.mavlink.test_missions import SAFE, given_vehicle, once, options, run, sends_elsewhere
+from tests.adapters.mavlink.test_vehicles import BACKENDS, started, tick
 from tests.adapters.mavlink.virtual import VirtualBackend, Wire
 
 LIKE = "ardurover-boat"
 SC = Controller.SC
 TIDE_M_S = 0.2
+LOITER = 5
 
 HELD = {
     "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0, "WP_PIVOT_ANGLE": 20.0, "FRAME_CLASS": 2.0, "LOIT_RADIUS": 0.2,
@@ -218,3 +221,16 @@ def test_a_boat_is_no_rover(puppet: Puppet) -> None:
     puppet.kind = mav.MAV_TYPE_SURFACE_BOAT, mav.MAV_AUTOPILOT_ARDUPILOTMEGA
     with pytest.raises(RobotUnavailable, match="it is a boat, and a rover was expected; set vehicle = 'boat'"):
         robot_of(puppet).init(20.0)
+
+
+@BACKENDS
+def test_a_boat_that_the_backend_simulates_is_driven_and_stays_armed(backend: type[VehicleBackend]) -> None:
+    with ExitStack() as stack:
+        fleet = started(stack, backend, vehicle="boat")
+        robot = fleet.robots[0]
+        goal = robot.goto(Waypoint(2.6, 3.4, radius_m=0.3), SC)
+        assert tick(fleet, lambda: not goal.active)
+        assert goal.status is GoalStatus.REACHED
+        assert isinstance(robot, MavlinkRobot)
+        robot.close(5.0)
+        assert (robot._vehicle.mode, robot._vehicle.armed) == (LOITER, True)
