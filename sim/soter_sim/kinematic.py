@@ -61,7 +61,7 @@ class KinematicEngine:
         judge, bodies, contacts = self._judge, self.bodies, self._contacts
         x, y, heading, v, yaw_rate = bodies.x, bodies.y, bodies.heading, bodies.v, bodies.yaw_rate
         charge, control, on_charger = bodies.charge, bodies.control, judge.on_charger
-        to_x, to_y = self._to_x, self._to_y
+        to_x, to_y, carried = self._to_x, self._to_y, bodies.carried
         least_charge = self.record.min_margin["battery"]
 
         step_s = self.period_s
@@ -162,9 +162,10 @@ class KinematicEngine:
                 elif not on_charger[i]:
                     judge.flat(i, now_s)
 
-            for i, (east, north) in bodies.carried.items():
-                to_x[i] += east * step_s
-                to_y[i] += north * step_s
+            if carried:
+                for i, (east, north) in carried.items():
+                    to_x[i] += east * step_s
+                    to_y[i] += north * step_s
             if step >= judge.due:
                 judge.look(step, to_x, to_y, contacts.stop(step))
             x[:] = to_x
