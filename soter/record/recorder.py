@@ -25,7 +25,7 @@ from soter.record.pipe import WriterPipe
 from soter.record.samples import switch_of
 from soter.record.tap import GoalActuator, PeerTap, Tap
 from soter.rta import RemotePeer, RobotSupervisor, SwitchRecord
-from soter.sdk import Controller, Fleet, RobotState
+from soter.sdk import Controller, Fleet, RobotState, Truth
 
 logger = logging.getLogger(__name__)
 
@@ -132,12 +132,20 @@ class Recorder:
         self._peers.append(tap)
         return tap
 
-    def begin(self, setup: Setup, fleet: Fleet, log: TargetLog, stalls: Callable[[], Sequence[Stall]] = tuple) -> None:
+    def begin(
+        self,
+        setup: Setup,
+        fleet: Fleet,
+        truth: Truth | None,
+        log: TargetLog,
+        stalls: Callable[[], Sequence[Stall]] = tuple,
+    ) -> None:
         """Start the writer and record what is to be run; call this once, before the first tick.
 
         Args:
             setup: the run.
-            fleet: its robots, with the truth of a simulated world and the injected faults.
+            fleet: its robots, with the injected faults.
+            truth: ground truth of all rules, those of users' own modules, too; None without it.
             log: called with all events of targets, too.
             stalls: returns the stalls up to now.
 
@@ -146,7 +154,7 @@ class Recorder:
         """
         robots, workspace, self._log = setup.robots, setup.workspace, log
         self._robots = [(robot, self._taps[robot.robot_id]) for robot in robots]
-        self._looks = Looks(robots, fleet.truth, fleet.injected, stalls)
+        self._looks = Looks(robots, truth, fleet.injected, stalls)
         frame = wire.FirstFrame(
             msgspec.json.encode(wire.tamed(describe(setup))),
             files(setup.mission, workspace),

@@ -28,7 +28,8 @@ from soter.runner.remote_host import WALL_CLOCK
 from soter.runner.result import RunResult
 from soter.runner.trace import Trace
 from soter.runner.watchdog import SLOW_S, CutOff, Watchdog
-from soter.sdk import RULES, Fleet, TruthReport
+from soter.runner.whole_truth import WholeTruth
+from soter.sdk import Fleet, TruthReport
 from soter.stack.assembly import Others, SafetySide, Study, assemble
 from soter.stack.declaration import timing_of
 
@@ -107,12 +108,9 @@ class Loop:
         self.wall_s = 0.0
         speeds = {robot.id: robot.capabilities.v_max_m_s for robot in fleet.robots}
         self.metrics.judge = NeedlessJudge(self.safety.supervisor.robots, self.safety.robots, speeds).judge
+        own = {robot_id: robot.declared.own for robot_id, robot in self.safety.robots.items()}
         truth = fleet.truth
-        self.user_rules: Final = (
-            None
-            if truth is None
-            else UserRules(truth, {robot_id: robot.declared.own for robot_id, robot in self.safety.robots.items()})
-        )
+        self.truth: Final = None if truth is None else WholeTruth(truth, UserRules(truth, own))
 
     def _others(self, recorder: Recorder | None, robot_ids: Sequence[int]) -> Others:
         if self.session is None:
@@ -176,7 +174,7 @@ class Loop:
             {} if self.session is None else self.session.promises, self.unproved,
         )  # fmt: skip
         try:
-            recorder.begin(setup, self.fleet, self.metrics, self.metrics.standstills.stalls)
+            recorder.begin(setup, self.fleet, self.truth, self.metrics, self.metrics.standstills.stalls)
         except OSError as failure:
             why = failure.strerror or failure
             raise ConfigError(f"'{recorder.path}' cannot be recorded to: {why}", key="record") from failure
@@ -211,6 +209,7 @@ class Loop:
         self.metrics.begin(began_s)
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
         charging, recorder, session, watchdog = self.safety.charging, self.recorder, self.session, self.watchdog
+        truth = self.truth
         last = round(self.mission.duration_s / base_tick_s)
         shown_s = -math.inf
         look_ticks = 1 if self.wall_clock else _LOOK_TICKS
@@ -246,9 +245,9 @@ class Loop:
                 follower.pace(self.ticks * base_tick_s)
             if lost := self.fleet.lost():
                 raise RunFailed(lost)
-            if self.user_rules is not None:
+            if truth is not None:
                 watchdog.phase = _JUDGING
-                self.user_rules.look(clock.now(), self.robots)
+                truth.look(clock.now(), self.robots)
                 watchdog.phase = None
             if follower.falls_of:
                 self._follow(follower.falls_of, clock.now())
@@ -267,36 +266,43 @@ class Loop:
                     robot.fail_ac(cause)
 
     def _progress(self, wall_s: float) -> Progress:
-        truth, robots = self.fleet.truth, robot_progress(self.robots, self.metrics)
+        robots = robot_progress(self.robots, self.metrics)
         if not robots and self.session is not None:
             reached = self.metrics.reached_by_robot
             robots = tuple(each._replace(targets_reached=reached[each.robot_id]) for each in self.session.progress())
-        violations = self._violations(None if truth is None else truth.report())
         return Progress(
-            self.ticks * self.mission.base_tick_s, self.mission.duration_s, wall_s, robots, violations
+            self.ticks * self.mission.base_tick_s, self.mission.duration_s, wall_s, robots,
+            self._violations(self._report()),
         )  # fmt: skip
 
-    def _violations(self, report: TruthReport | None) -> dict[str, int] | None:
-        if report is None or self.user_rules is None:
-            return None
-        return {**{rule: report.count(rule) for rule in RULES}, **self.user_rules.counts()}
+    def _report(self) -> TruthReport | None:
+        return None if self.truth is None else self.truth.report()
 
-    def _min_margin(self, report: TruthReport | None) -> dict[str, float] | None:
-        if report is None or self.user_rules is None:
+    def _violations(self, report: TruthReport | None) -> dict[str, int] | None:
+        if report is None or self.truth is None:
             return None
-        margins = {**report.min_margin, **self.user_rules.min_margin}
-        return {rule: round(margin, 5) for rule, margin in margins.items()}
+        return {rule: report.count(rule) for rule in self.truth.rules}
+
+    @staticmethod
+    def _min_margin(report: TruthReport | None) -> dict[str, float] | None:
+        if report is None:
+            return None
+        # The one NaN: so results with it are equal to each other.
+        return {
+            rule: math.nan if math.isnan(margin) else round(margin, 5) for rule, margin in report.min_margin.items()
+        }
 
     def _follow(self, rule: str, now_s: float) -> None:
         """Note the time if a rule's least margin has fallen; later random draws cannot change that."""
-        truth = self.fleet.truth
-        margin = (self._min_margin(None if truth is None else truth.report()) or {}).get(rule)
+        margin = (self._min_margin(self._report()) or {}).get(rule)
+        if margin is not None and math.isnan(margin):
+            # It counts as broken, and nothing is less.
+            margin = -math.inf
         if margin is not None and not (self.falls and margin >= self.falls[-1][1]):
             self.falls.append((round(now_s, 9), margin))
 
     def result(self, status: str, failure: str, engine: str | None) -> RunResult:
-        metrics, mission, truth = self.metrics, self.mission, self.fleet.truth
-        report = None if truth is None else truth.report()
+        metrics, mission, report = self.metrics, self.mission, self._report()
         duration_s = round(self.ticks * mission.base_tick_s, 6)
         targets = metrics.target_counts()
         incidents = [*self.host.incidents] or [WALL_CLOCK] * self.wall_clock

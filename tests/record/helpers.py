@@ -23,6 +23,7 @@ from tests.project.source import ROOT
 from tests.waiting import wait_until
 
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
+ZONE = ROOT / "examples" / "modules" / "zone.toml"
 QUICK: dict[str, object] = {"backend": "kinematic", "planner": "straight-line"}
 
 
@@ -35,6 +36,12 @@ def mission(**overrides: object) -> MissionFile:
 def recorded(path: Path, **overrides: object) -> Run:
     """Run a mission and record it."""
     return run_mission(mission(**overrides), record=path)
+
+
+def zone_broken(path: Path) -> Run:
+    """Record a run in which both robots break a rule of a user's own, whose module is switched off, and no other."""
+    settings = {**QUICK, "duration_s": 120.0, "rta.module.zone-speed.enabled": False}
+    return run_mission(load_mission(ZONE, settings), record=path)
 
 
 STANDING_S = 70.0

@@ -22,7 +22,7 @@ from soter.record.attachments import RESULT_JSON
 from soter.record.check import flaw, seal
 from soter.record.export import export_csv, file_name
 from soter.record.file import json_schema
-from soter.record.looks import Looks, Stall
+from soter.record.looks import LOOK_S, Looks, Stall
 from soter.record.messages import AC, EVENTS, ModuleTick, RobotTick
 from soter.record.reader import Recording
 from soter.record.samples import sample_of, state_of
@@ -32,7 +32,7 @@ from soter.replay.replay import replay
 from soter.runner.trace import Trace
 from soter.sdk import Controller, Link, RobotState
 from tests.record.conftest import Recorded
-from tests.record.helpers import every_message, mission, recorded, rewrite
+from tests.record.helpers import every_message, mission, recorded, rewrite, zone_broken
 
 DOUBLES = (0.1, 1.0 / 3.0, 5e-324, 1.7976931348623157e308, -0.0, math.pi, 2.0**53 + 2.0)
 
@@ -191,6 +191,27 @@ def test_violations_are_recorded_while_they_happen_and_at_the_end(tmp_path: Path
     assert any(each.end_s is not msgspec.UNSET and each.end_s > each.start_s for each in content.violations)
     assert run.result.modules == ()
     assert content.series[1].margins == {}
+
+
+def test_violations_of_a_users_own_rule_are_recorded_like_those_that_the_world_judges(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run = zone_broken(path)
+    recording = Recording(path)
+    content = recording.content()
+    assert run.result.violations is not None
+    assert +Counter(run.result.violations) == Counter(each.rule for each in content.violations)
+    assert {each.robots for each in content.violations} == {(1,), (2,)}
+    assert all(0.0 < each.start_s < 120.0 for each in content.violations)
+    told = [event for tick in recording.ticks() for event in tick.events if isinstance(event, messages.ViolationEvent)]
+    assert told[0].time_s <= told[0].start_s + LOOK_S, "while it happens"
+    assert any(each.end_s is not msgspec.UNSET and each.end_s > each.start_s for each in content.violations)
+    export_csv(recording, tmp_path / "csv")
+    with (tmp_path / "csv" / "violation.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["rule"] for row in rows] == [each.rule for each in told]
+    assert [float(row["start_s"]) for row in rows] == [each.start_s for each in told]
+    assert [row["robots"] for row in rows] == [str(*each.robots) for each in told]
+    assert replay(recording).same
 
 
 def test_figures_of_a_recording(kinematic: Recorded) -> None:

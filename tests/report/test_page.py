@@ -17,7 +17,7 @@ from soter.record.messages import BreachEvent, DropEvent, Event, StallEvent, Wor
 from soter.record.reader import Recording
 from soter.report.page import extract
 from soter.report.page.html import make_page
-from tests.record.helpers import recorded, rewrite, standing
+from tests.record.helpers import recorded, rewrite, standing, zone_broken
 from tests.report.unpacked import Unpacked, of_page
 
 DURATION_S = 120.0
@@ -167,6 +167,17 @@ def test_violations_are_listed(tmp_path: Path) -> None:
     truth = of_page(make_page(Recording(path))).document["truth"]
     assert truth["counts"] == run.result.violations
     assert {rule for rule, *_ in truth["violations"]} == {rule for rule, count in truth["counts"].items() if count}
+
+
+def test_violations_of_a_users_own_rule_are_listed_with_robot_and_time(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run = zone_broken(path)
+    truth = of_page(make_page(Recording(path))).document["truth"]
+    assert truth["counts"] == run.result.violations
+    assert [rule for rule, *_ in truth["violations"]] == ["zone-speed"] * truth["counts"]["zone-speed"]
+    starts = [start_s for _, _, start_s, _ in truth["violations"]]
+    assert all(0.0 < start_s < DURATION_S for start_s in starts)
+    assert {robot for _, robots, *_ in truth["violations"] for robot in robots} == {1, 2}
 
 
 def test_failed_assumptions_and_stalls_are_listed_with_their_times(path: Path, tmp_path: Path) -> None:
