@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Final
 
 from soter.rta import RobotSupervisor, Situation, SwitchRecord
+from soter.rta.module import margin_of
 from soter.sdk import Controller, RobotState, Waypoint
 from soter.stack.assembly import SafeRobot
 from soter.stack.terrain import length_m
@@ -55,7 +56,8 @@ class NeedlessJudge:
             imagined.own = _moved(own, way, speeds[record.robot_id] * time_s)
             if meets:
                 imagined.peers = [_moved(peer, path, speeds.get(peer.robot_id, 0.0) * time_s) for peer, path in peers]
-            if not module.phi_safe.margin(imagined) >= 0.0:
+            # A rule of a user's own may fail; then it cannot be said to be kept.
+            if not margin_of(module.phi_safe, imagined) >= 0.0:
                 return False
         return True
 
