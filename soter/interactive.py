@@ -172,8 +172,14 @@ def _caption(result: RunResult) -> Caption:
         details=f"seed {result.seed}",
         disengagements=dict(result.disengagements),
         rules=tuple(
-            Rule(name, f"{count} ×", f"{margin:.3f}" if math.isfinite(margin) else "-", broken=count > 0)
+            Rule(name, f"{count} ×", _margin_text(margin), broken=count > 0)
             for name, count in (result.violations or {}).items()
-            for margin in [(result.min_margin or {}).get(name, math.nan)]
+            for margin in [(result.min_margin or {}).get(name, math.inf)]
         ),
     )
+
+
+def _margin_text(margin: float) -> str:
+    if math.isnan(margin):
+        return "not a number"
+    return "-" if margin == math.inf else f"{margin:.3f}"

@@ -47,7 +47,7 @@ def figure(row: RunRow, name: str) -> float | None:
         row: the run.
         name: `accepted` (1 or 0), `findings`, or a dotted key of its result, such as `ac_share`, `violations.collision`
             or `min_margin.obstacle`. For a whole table, such as `violations`, counts are added, and the least margin
-            is taken.
+            is taken; there is none if one of them was not a number.
     """
     if name == "accepted":
         return float(row.status == "done")
@@ -55,6 +55,8 @@ def figure(row: RunRow, name: str) -> float | None:
         return float(len(row.findings))
     value = looked_up(row.result, name)
     if isinstance(value, dict):
+        if name == "min_margin" and None in value.values():
+            return None
         inner = [each for each in value.values() if isinstance(each, int | float)]
         return float(min(inner) if name == "min_margin" else sum(inner)) if inner else None
     return float(value) if isinstance(value, int | float) else None

@@ -6,6 +6,7 @@ import faulthandler
 import hashlib
 import json
 import logging
+import math
 import os
 import shlex
 import signal
@@ -146,6 +147,9 @@ class Done:
         """Return the outcome of a run that ended by itself."""
         figures = run.result.model_dump(mode="json")
         host = {key: figures.pop(key) for key in HOST}
+        # JSON has no NaN: a margin that was not a number.
+        margins = figures["min_margin"] or {}
+        margins.update({rule: None for rule, margin in margins.items() if math.isnan(margin)})
         # The job has the mission; a drawn configuration was in a folder that is gone by now.
         del figures["mission"]
         if run.falls:

@@ -193,14 +193,15 @@ class Store:
         result = done.result or {}
         hours = result["duration_s"] * result["robots"] / 3600.0 if result else None
         violations = result.get("violations")
-        margins = [margin for margin in (result.get("min_margin") or {}).values() if margin is not None]
+        margins = [*(result.get("min_margin") or {}).values()]
+        least = None if None in margins else min(margins, default=None)
         row = (
             job.id, job.part, job.number, 1, job.mission, job.seed, _json(job.axes), _json(job.settings), job.command,
             done.status, done.failure, done.trace, _json(done.findings), result.get("duration_s"),
             result.get("robots"), hours, None if violations is None else sum(violations.values()),
             result.get("contacts"), result.get("ac_share"), result.get("disengagements_total"),
             result.get("targets_reached"), result.get("longest_stall_s"), result.get("no_progress_s"),
-            min(margins, default=None), result.get("trace_sha256", ""), None if done.result is None else _json(result),
+            least, result.get("trace_sha256", ""), None if done.result is None else _json(result),
             _json(done.host), done.host.get("wall_s"),
         )  # fmt: skip
         with self._writing():

@@ -87,7 +87,7 @@ def _violations(result: RunResult) -> Iterator[Row]:
     yield Row("violations", known, "0", "bold red" if total else "bold green" if ended_s is None else "bold yellow")
     for rule, count in result.violations.items():
         margin = (result.min_margin or {}).get(rule)
-        seen = "" if margin is None or not math.isfinite(margin) else f", least margin {_precise(rule, margin)}"
+        seen = "" if margin is None or margin == math.inf else f", least margin {_precise(rule, margin)}"
         yield Row(f"  {rule}", f"{count}{seen}", style="red" if count else "")
     if result.contacts:
         yield Row("contacts", str(result.contacts), style="red")
@@ -274,8 +274,8 @@ def _rules(result: RunResult) -> Iterator[Rule]:
     from soter.report.caption import Rule
 
     for rule, count in (result.violations or {}).items():
-        margin = (result.min_margin or {}).get(rule, math.nan)
-        yield Rule(rule, f"{count} ×", _precise(rule, margin) if math.isfinite(margin) else "-", broken=count > 0)
+        margin = (result.min_margin or {}).get(rule, math.inf)
+        yield Rule(rule, f"{count} ×", "-" if margin == math.inf else _precise(rule, margin), broken=count > 0)
 
 
 def _time(seconds: float) -> str:
@@ -305,5 +305,7 @@ def _percent(part: float) -> str:
 
 
 def _precise(rule: str, margin: float) -> str:
+    if math.isnan(margin):
+        return "not a number"
     # Adding 0.0 turns -0.0 into 0.0.
     return _percent(margin) if rule == "battery" else f"{round(margin, 3) + 0.0:.3f} m"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, model_validator
 
 from soter.config.tables import SURVEILLANCE
 from soter.record.recorder import RecordingReport
@@ -152,7 +154,8 @@ class RunResult(BaseModel, frozen=True):
             run; not for robots whose AC has failed for good.
         never_moved: robots that in more than a minute never got farther than 0.05 m from where they began.
         no_progress_s: longest time in which no robot's target ended.
-        min_margin: least margin by rule, from truth, in metres or parts of a charge.
+        min_margin: least margin by rule, from truth, in metres or parts of a charge; NaN for a user's rule whose margin
+            was not a number at some time, which counts as a violation. JSON has null for NaN, and for infinity.
         paths_replaced: plans in whose place the protected planner's certified path was used.
         no_certified_motion: ticks at which neither a motion nor holding kept every rule.
         duration_s: simulated or vehicle time.
@@ -235,6 +238,18 @@ class RunResult(BaseModel, frozen=True):
     process: str = ""
     peer_age_ms: TickTimes | None = None
     peer_tick_us: TickTimes | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_margins(cls, given: Any) -> Any:
+        """Take a margin that JSON has as null: infinity, or NaN if the rule was broken."""
+        margins = given.get("min_margin") if isinstance(given, dict) else None
+        if not isinstance(margins, dict) or None not in margins.values():
+            return given
+        counted = given.get("violations")
+        broken = {rule for rule, count in counted.items() if count} if isinstance(counted, dict) else ()
+        absent = {rule: math.nan if rule in broken else math.inf for rule in margins if margins[rule] is None}
+        return {**given, "min_margin": {**margins, **absent}}
 
     @property
     def violated(self) -> bool:

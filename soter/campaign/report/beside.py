@@ -60,6 +60,9 @@ def make_beside(recordings: Sequence[Recording]) -> str:
 
 def _shown(result: dict[str, Any], key: str) -> str:
     value = looked_up(result, key)
+    head, _, rule = key.partition(".")
+    if value is None and head == "min_margin" and rule in (result.get(head) or {}) and result["violations"][rule]:
+        return "not a number"
     if value is None or (key in OF_MISSIONS and result["ac"] != "mission"):
         return "-"
     if key == "ac":

@@ -165,14 +165,14 @@
     for (const each of document.querySelectorAll(".of-targets")) each.hidden = !aims(run);
     const ended = total(summary.targets);
     const givenUp = Object.entries(summary.targets).filter(([name]) => name !== "reached").map(([name, count]) => `${count} ${name.replace("_", " ")}`);
-    const margins = Object.entries(truth.margins).filter(([, value]) => value !== null);
+    const margins = Object.entries(truth.margins).filter(([rule, value]) => value !== null || truth.counts[rule]);
     document.getElementById("figures").replaceChildren(
       figure("AC driving", summary.ticks ? percent1(summary.acShare) : "–", "of the robots' time", bar),
       figure("Disengagements", taken.toLocaleString("en"), counted.length ? counted : "no safety modules"),
       figure("Per robot-hour", hours > 0 ? Math.round(taken / hours).toLocaleString("en") : "–", "disengagements"),
       ...(aims(run) ? [figure("Targets reached", `${(summary.targets.reached || 0).toLocaleString("en")}`, givenUp.length ? `given up: ${givenUp.join(", ")}` : ended ? "none given up" : "none ended")] : []),
       figure("Least true margin", margins.length ? "" : "not known", margins.length
-        ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 || truth.counts[rule] ? "broken" : null }, amount(value, rule === "battery" ? CHARGE : "m"))))
+        ? margins.map(([rule, value]) => element("span", { class: "pair" }, element("span", {}, rule), element("b", { class: value < 0 || truth.counts[rule] ? "broken" : null }, value === null ? "not a number" : amount(value, rule === "battery" ? CHARGE : "m"))))
         : truth.known === "no" ? "there is no ground truth" : run.goesOn ? "said when the run has ended" : "the run did not get to say it"),
     );
   }
