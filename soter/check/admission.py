@@ -257,8 +257,8 @@ def _contracts(mission: MissionFile, declared: Mapping[int, Declared]) -> list[F
         if math.isinf(each.lets_go_s)
         else Finding(
             each.name, "P2c", Certainty.ASSUMED,
-            f"it lets go within {each.lets_go_s:g} s (A16), for which the reserve pays; then the return path is driven "
-            "where it keeps the module's rule",
+            f"a robot that has to charge, or stands, is let go within {each.lets_go_s:g} s (A16), for which the "
+            "reserve pays; then the return path is driven where it keeps the module's rule",
         )
         for each in modules
     ]  # fmt: skip

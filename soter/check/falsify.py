@@ -17,7 +17,7 @@ import numpy as np
 
 from soter.check.bench import ModuleBench
 from soter.check.conditions import Certainty, Finding
-from soter.check.trial import Attempt, BrokenObligation, Obligation, Vector
+from soter.check.trial import Attempt, BrokenObligation, Obligation, Vector, Way
 
 BATCH: Final = 20
 """Number of points drawn from one distribution before it is fitted anew."""
@@ -150,9 +150,9 @@ def _findings(subject: ModuleBench, trials: Sequence[tuple[Vector, Attempt]]) ->
     valid = [trial for _, trial in trials if trial.valid]
     figures: dict[str, float | int | str | None] = {"trials": len(trials), "valid": len(valid)}
     findings = [
-        Finding(name, each.breach.obligation.value, Certainty.REJECTED, each.breach.text, {
+        Finding(name, each.breach.obligation.value, Certainty.REJECTED, _in_words(each, valid), {
             **figures, "found_after": each.evaluations, "time_s": each.breach.time_s,
-            "x_m": each.breach.x_m, "y_m": each.breach.y_m,
+            "x_m": each.breach.x_m, "y_m": each.breach.y_m, **_failed(each, valid),
         })
         for each in _broken(trials)
     ]  # fmt: skip
@@ -169,6 +169,19 @@ def _findings(subject: ModuleBench, trials: Sequence[tuple[Vector, Attempt]]) ->
     return sorted(findings, key=lambda each: each.condition)
 
 
+def _failed(found: Falsified, valid: Sequence[Attempt]) -> dict[str, int]:
+    """Return in how many trials the module's safe controller drove, and failed; empty if that is not what was found."""
+    if not (found.trial.failure and found.breach.obligation is Obligation.P2B):
+        return {}
+    return {"driven": sum(trial.driven for trial in valid), "failed": sum(bool(trial.failure) for trial in valid)}
+
+
+def _in_words(found: Falsified, valid: Sequence[Attempt]) -> str:
+    if not (counts := _failed(found, valid)):
+        return found.breach.text
+    return f"{found.breach.text}; it failed in {counts['failed']} of the {counts['driven']} trials in which it drove"
+
+
 def _p2a(subject: ModuleBench, valid: Sequence[Attempt], figures: dict[str, float | int | str | None]) -> Finding:
     name, phi_safe = subject.module.name, subject.module.phi_safe
     if phi_safe is None:
@@ -176,6 +189,9 @@ def _p2a(subject: ModuleBench, valid: Sequence[Attempt], figures: dict[str, floa
         return Finding(name, "P2a", Certainty.ASSUMED, text, figures)
     if not valid:
         return Finding(name, "P2a", Certainty.ASSUMED, "no trial began inside phi_safe", figures)
+    if failed := sum(bool(trial.failure) for trial in valid):
+        text = f"its safe controller failed in {failed} trial{'s' if failed > 1 else ''}: P2b has what it failed with"
+        return Finding(name, "P2a", Certainty.ASSUMED, text, figures)
     # A trial whose AC, or late switch, led out of phi_safe says nothing about the safe controller.
     kept = [trial for trial in valid if not trial.breaches]
     if not kept:
@@ -191,6 +207,26 @@ def _p2b(subject: ModuleBench, valid: Sequence[Attempt], figures: dict[str, floa
     returns = [trial.return_s for trial in valid if not math.isnan(trial.return_s)]
     if not returns:
         return Finding(name, "P2b", Certainty.ASSUMED, "the safe controller was never needed in any trial", figures)
-    longest = max(returns)
+    longest, lets_go_s = max(returns), subject.module.lets_go_s
+    home, charge = (sum(way in trial.ways for trial in valid) for way in (Way.HOME, Way.CHARGE))
+    figures = {
+        **figures,
+        "returns": len(returns),
+        "longest_s": longest,
+        "driven_home": home,
+        "driven_to_charge": charge,
+    }
     text = f"{len(returns)} return{'s' if len(returns) > 1 else ''} to phi_safer, the longest after {longest:.1f} s"
-    return Finding(name, "P2b", Certainty.TESTED, text, {**figures, "returns": len(returns), "longest_s": longest})
+    if home:
+        # A robot that is driven home in spite of its safe controller says nothing for that controller.
+        alone = any(Way.ITSELF in trial.ways for trial in valid)
+        text = (
+            f"{home} of {text}, came only once the robot had stood for lets_go_s = {lets_go_s:g} s and SOTER drove it "
+            f"home (A16): its own controller did not bring it back{'' if alone else ', and did so in no other trial'}"
+        )
+        return Finding(name, "P2b", Certainty.PARTLY if alone else Certainty.REJECTED, text, figures)
+    if charge:
+        text += f"; in {charge} of them it had to charge, and was driven home after lets_go_s = {lets_go_s:g} s (P2c)"
+    elif longest > lets_go_s:
+        text += f"; the {lets_go_s:g} s of P2c count only while a robot stands, or has to charge"
+    return Finding(name, "P2b", Certainty.TESTED, text, figures)

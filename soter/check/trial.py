@@ -39,6 +39,19 @@ class Obligation(Enum):
         }[self]
 
 
+class Way(Enum):
+    """How a robot came back to phi_safer.
+
+    ITSELF: its module's safe controller drove it there. HOME: that one stood for as long as its contract allows, and
+    the robot was driven home. CHARGE: it was driven home because it had to charge. Of one that stood, or that other
+    modules drove, there is nothing to say.
+    """
+
+    ITSELF = "itself"
+    HOME = "home"
+    CHARGE = "charge"
+
+
 class TrialRow(NamedTuple):
     """One robot at one tick of a trial, by ground truth.
 
@@ -97,6 +110,9 @@ class Attempt:
         breaches: the obligations that were broken, in order of time.
         rows: what happened at every tick.
         unfit: the first assumption that failed, in words; empty if none did.
+        driven: whether the module's safe controller drove.
+        failure: what the module's own safe controller failed with; empty if it did not.
+        ways: how robots came back.
     """
 
     valid: bool
@@ -107,6 +123,9 @@ class Attempt:
     breaches: tuple[BrokenObligation, ...] = ()
     rows: Sequence[TrialRow] = ()
     unfit: str = ""
+    driven: bool = False
+    failure: str = ""
+    ways: frozenset[Way] = frozenset()
 
     def score(self, obligation: Obligation) -> float:
         """Return how far the trial was from breaking an obligation; negative if it broke it."""

@@ -10,13 +10,15 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
-from soter.check.trial import Attempt, BrokenObligation, Obligation, TrialRow
+from soter.check.node_failures import told
+from soter.check.trial import Attempt, BrokenObligation, Obligation, TrialRow, Way
 from soter.check.user_rules import UserRules
 from soter.rta import Assumption, DecisionModule, Region, RTAModule, Situation
 from soter.rta.assumptions import Breach
 from soter.rta.module import margin_of
 from soter.sdk import Controller, Fleet, RobotState, Waypoint
 from soter.stack.assembly import SafetySide
+from soter.stack.certified_controller import CertifiedController
 from soter.stack.right_of_way import BATTERY
 
 if TYPE_CHECKING:
@@ -61,6 +63,10 @@ class TrialRun:
         self._switched: set[int] = set()
         self._returned: set[int] = set()
         self._returns_s: list[float] = []
+        self._driven = False
+        self._failure = ""
+        self._ways: set[Way] = set()
+        self._way: dict[int, Way] = {}
 
     def trial(self) -> Attempt:
         if not self._begins_inside():
@@ -71,6 +77,7 @@ class TrialRun:
             now_s = tick * tick_s
             self._safety.supervisor.tick(now_s)
             self._follow(now_s)
+            self._look_at_controllers(now_s)
             self._attack(now_s)
             clock.sleep_until((tick + 1) * tick_s)
             self._rules.look((tick + 1) * tick_s, self._robots)
@@ -88,6 +95,9 @@ class TrialRun:
             tuple(self._breaches),
             self._rows,
             min(((each.first_s, f"{name}: {each.cause}") for name, each in self._unfit()), default=(0.0, ""))[1],
+            self._driven,
+            self._failure,
+            frozenset(self._ways),
         )
 
     def _unfit(self) -> list[tuple[Assumption, Breach]]:
@@ -126,8 +136,38 @@ class TrialRun:
             elif module.mode is Controller.AC and since_s is not None:
                 del self._in_sc_since_s[robot_id]
                 self._returns_s.append(now_s - since_s)
+                if robot_id in self._way:
+                    self._ways.add(self._way.pop(robot_id))
                 if robot_id in self._switched:
                     self._returned.add(robot_id)
+
+    def _look_at_controllers(self, now_s: float) -> None:
+        """Record what the module's safe controllers do; one that fails ends the trial.
+
+        One that fails has its robot stand, and after its contract be driven home. The trial would pass.
+        """
+        for robot in self._robots:
+            robot_id, module = robot.robot_id, self._modules[robot.robot_id]
+            if robot.driver is not module:
+                continue
+            self._driven = True
+            controller = module.module.sc
+            if not isinstance(controller, CertifiedController):
+                continue  # a shipped one, which drives the return path by itself
+            if controller.driven_home:
+                if self._way.get(robot_id, Way.ITSELF) is Way.ITSELF:
+                    wants_charge = self._safety.robots[robot_id].declared.dock.wants_charge
+                    self._way[robot_id] = Way.CHARGE if wants_charge else Way.HOME
+            elif controller.driven_there:
+                self._way.setdefault(robot_id, Way.ITSELF)
+            if controller.failure is not None and not self._failure:
+                x_m, y_m, _ = self._truth.pose(robot_id)
+                self._failure = told(controller.failure, controller.inner)
+                text = (
+                    f"its safe controller '{controller.name}' failed after {now_s:.2f} s, with robot {robot_id} at "
+                    f"({x_m:.2f}, {y_m:.2f}): {self._failure}"
+                )
+                self._breaches.append(BrokenObligation(Obligation.P2B, now_s, robot_id, x_m, y_m, text))
 
     def _attack(self, now_s: float) -> None:
         """Drive every robot whose AC still has control along its present course."""

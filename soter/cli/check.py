@@ -79,6 +79,7 @@ def check(
     with guard():
         from soter.cli.console import make_console
         from soter.cli.outputs import Outputs, as_json, unwritten
+        from soter.stack.modules import BUILT_IN
 
         if (target is None) == (replay is None):
             raise ConfigError("say what to check: a mission file, module:NAME, or --replay FILE, one of them")
@@ -91,7 +92,8 @@ def check(
         subject: dict[str, Any] = {"target": target, "backend": backend, "settings": list(settings or ())}
         report = _check(console, subject, robots, patience, budget, seed)
         _print(console, report)
-        if report.rejected and not target.startswith(_PREFIX):
+        # Nothing is known of what would do for a rejected module of the user's own.
+        if any(each.verdict.value == "REJECTED" and each.module in BUILT_IN for each in report.findings):
             _print_what_would_do(console, subject)
         if counterexample is not None:
             with unwritten("the counterexample"):

@@ -24,6 +24,13 @@ class CertifiedController(SafeController):
     The author of a safe controller thinks of one rule; the recovery planner checks all. A leg that would break one, the
     module's own included, is shortened or not driven, so that a mistake only costs time. The controller keeps its
     contract: if the robot stands, or the battery's module needs to drive, it drives the return path after `lets_go_s`.
+
+    Trials ask what it did for the other node.
+
+    Attributes:
+        failure: the first failure of the other node: what it raised, or what is wrong with what it published.
+        driven_there: whether it has driven where the other node wants to go, since it last took control.
+        driven_home: whether it has driven the return path, likewise.
     """
 
     def __init__(self, made: RTAModule, kit: ModuleKit, wanted: Topic[Any], waypoint: Topic[Any]) -> None:
@@ -42,6 +49,8 @@ class CertifiedController(SafeController):
         self._engaged_s = self._moved_s = 0.0
         self._drove_s = -math.inf
         self._yields = False
+        self.failure: BaseException | None = None
+        self.driven_there = self.driven_home = False
 
     def engage(self, situation: Situation) -> None:
         super().engage(situation)
@@ -52,7 +61,7 @@ class CertifiedController(SafeController):
             # A rule that takes the robot again at once was not satisfied: the turns go on.
             self._engaged_s = situation.now_s
         self._moved_s = situation.now_s
-        self._yields = self._homewards = False
+        self._yields = self._homewards = self.driven_there = self.driven_home = False
         if not (self._kept_from_charging and self._dock.wants_charge):
             # A robot that switches between the battery's module and this one counts as kept all the time.
             self._kept_since_s = situation.now_s
@@ -69,6 +78,7 @@ class CertifiedController(SafeController):
         leg = self._out_of_the_way(situation)
         if leg is None and self._has_to_let_go(situation):
             leg = self._home.leg_home(situation)
+            self.driven_home = self.driven_home or leg is not None
         if leg is not None:
             return leg if wanted is None else leg._replace(speed_m_s=wanted.speed_m_s)
         if failure is not None:
@@ -76,7 +86,10 @@ class CertifiedController(SafeController):
         if wanted is None:
             return self.recovery.hold(situation)
         leg = self.recovery.towards(situation, [(wanted.x_m, wanted.y_m)])
-        return None if leg is None else leg._replace(speed_m_s=wanted.speed_m_s)
+        if leg is None:
+            return None
+        self.driven_there = True
+        return leg._replace(speed_m_s=wanted.speed_m_s)
 
     def _ask(self, situation: Situation) -> tuple[Waypoint | None, BaseException | None]:
         """Return where the inner node wants to go, and what it raised: its contract is kept whatever it does."""
@@ -93,18 +106,27 @@ class CertifiedController(SafeController):
         except KeyboardInterrupt:
             raise
         except BaseException as failure:  # noqa: BLE001 - foreign code
+            self._note(failure)
             return None, failure
         return wanted, None
+
+    def _note(self, failure: BaseException) -> None:
+        if self.failure is None:
+            self.failure = failure
 
     @contextmanager
     def _only_wishes(self) -> Iterator[None]:
         """Refuse what the inner node publishes past this one: nobody has certified it."""
         before = self.waypoint.count
-        yield
-        if self.waypoint.count != before:
-            raise PermissionError(
-                f"the safe controller '{self.name}' published on the robot's own topic, not the kit's"
-            )
+        try:
+            yield
+            if self.waypoint.count != before:
+                raise PermissionError(
+                    f"the safe controller '{self.name}' published on the robot's own topic, not the kit's"
+                )
+        except BaseException as failure:
+            self._note(failure)
+            raise
 
     def _has_to_let_go(self, situation: Situation) -> bool:
         """Return whether the robot has stood, or the battery's module has waited, as long as the contract allows."""

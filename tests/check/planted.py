@@ -14,6 +14,7 @@ from pydantic import BaseModel, model_validator
 from soter.campaign.random.attackers import FarOptions, declare_far
 from soter.rta import Node, PairBound, Region, RTAModule, Situation, SpeedBound, Topic
 from soter.sdk import Waypoint
+from soter.stack.actuator import PortForwarder
 from soter.stack.module_kit import ModuleKit
 
 DELTA_S = 0.5
@@ -181,6 +182,62 @@ def sc_fails_in_a_corner(kit: ModuleKit) -> RTAModule:
 
 def sc_raises(kit: ModuleKit) -> RTAModule:
     return _made(kit, raises)
+
+
+def sc_publishes_nonsense(kit: ModuleKit) -> RTAModule:
+    return _made(kit, lambda situation: Waypoint(math.nan, situation.own.y_m))
+
+
+def sc_passes_the_kit_by(kit: ModuleKit) -> RTAModule:
+    """Publishes on the robot's own topic."""
+    assert isinstance(kit.ac, PortForwarder)
+    return replace(right(kit), sc=Controller(kit.ac.waypoint, east))
+
+
+def sc_cannot_choose(kit: ModuleKit) -> RTAModule:
+    def choose(situation: Situation) -> tuple[float, float]:
+        raise RuntimeError("nowhere to go")
+
+    return replace(right(kit), sc=kit.go_to(choose))
+
+
+def sc_raises_in_a_corner(kit: ModuleKit) -> RTAModule:
+    return _made(kit, lambda situation: raises(situation) if situation.own.y_m < 1.5 else east(situation))
+
+
+def exchanged(kit: ModuleKit) -> RTAModule:
+    """AC and SC have changed places."""
+    made = right(kit)
+    return replace(made, ac=made.sc, sc=kit.ac)
+
+
+class Silent(Controller):
+    def step(self, situation: Situation) -> None:
+        pass
+
+
+def sc_publishes_nothing(kit: ModuleKit) -> RTAModule:
+    return replace(right(kit), sc=Silent(kit.waypoint, hold), lets_go_s=4.0)
+
+
+def sc_publishes_none(kit: ModuleKit) -> RTAModule:
+    return replace(_made(kit, hold), lets_go_s=4.0)
+
+
+def sc_stays_where_it_is(kit: ModuleKit) -> RTAModule:
+    return replace(_made(kit, lambda situation: Waypoint(situation.own.x_m, situation.own.y_m)), lets_go_s=4.0)
+
+
+def sc_stays_in_the_south(kit: ModuleKit) -> RTAModule:
+    def motion(situation: Situation) -> Waypoint | None:
+        return None if situation.own.y_m < 3.0 else east(situation)
+
+    return replace(_made(kit, motion), lets_go_s=4.0)
+
+
+def sc_takes_long(kit: ModuleKit) -> RTAModule:
+    """Comes back by itself, for longer than its contract says of robots that stand."""
+    return replace(_made(kit, lambda situation: east(situation)._replace(speed_m_s=0.05)), lets_go_s=4.0)
 
 
 def sc_is_slow(kit: ModuleKit) -> RTAModule:

@@ -183,6 +183,9 @@ OTHERS: dict[str, tuple[str, Callable[[], object]]] = {
         ),
     ),
     "keep is -5, allowed: 0 or more": ("P3", lambda: users_rule(["geofence"], EAST, name="adds_to_the_margin")),
+    "its safe controller is kit.ac, the advanced controller": (
+        "P2a", lambda: users_rule(["geofence"], EAST, name="exchanged"),
+    ),
     "delta_s is 1e+09, allowed: above 0, at most 60": (
         "P1a", lambda: users_rule(["geofence"], EAST, name="hardly_ever"),
     ),

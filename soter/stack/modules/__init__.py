@@ -106,6 +106,10 @@ def declare_module(mission: MissionFile, kit: ModuleKit, waypoint: Topic[Any]) -
         made = function(*arguments)
         if table is not None and isinstance(made, RTAModule):
             check_usable(made, kit.name, target, kit.timing, refused)
+            if made.sc is kit.ac:
+                raise IllFormedModule(
+                    kit.name, "P2a", "its safe controller is kit.ac, the advanced controller: the two are exchanged"
+                )
         bound = _bound(made, kit, kit.waypoint, waypoint) if isinstance(made, RTAModule) else None
     except (ConfigError, IllFormedModule, KeyboardInterrupt):
         raise
