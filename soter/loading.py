@@ -167,9 +167,10 @@ def _only_class(module: ModuleType, base: type | None, target: str, refused: Ref
     ]
     if len(own) == 1:
         return own[0]
-    kind = "class" if base is None else f"subclass of soter.{base.__name__}"
+    several, of = len(own) > 1, "" if base is None else f" of soter.{base.__name__}"
+    kind = ("classes" if several else "class") if base is None else ("subclasses" if several else "subclass")
     names = f": {', '.join(each.__name__ for each in own)}; say which, as '{target}:{own[0].__name__}'" if own else ""
-    raise refused(f"it is '{target}', which has {len(own) or 'no'} {kind}{'es' if len(own) > 1 else ''}{names}")
+    raise refused(f"it is '{target}', which has {len(own) or 'no'} {kind}{of}{names}")
 
 
 def described(failure: BaseException, path: Path | None) -> str:

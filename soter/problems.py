@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -109,10 +110,10 @@ def is_file(path: Path) -> bool:
 
 _WORKSPACE = "workspace file"
 _USES: Final = {
-    "mission file": "`soter run {name}` runs it",
-    "campaign file": "`soter campaign {name}` runs it",
-    _WORKSPACE: "a mission file names it, workspace = '{name}', and `soter workspace` shows what is in it",
-    "script": "`soter run --mission {name}` runs it, and a mission file may name it, mission = '{name}'",
+    "mission file": "`soter run {path}` runs it",
+    "campaign file": "`soter campaign {path}` runs it",
+    _WORKSPACE: "a mission file beside it names it, workspace = '{name}', and `soter workspace {path}` shows it",
+    "script": "`soter run --mission {path}` runs it, and a mission file beside it may name it, mission = '{name}'",
     "recording": "`soter info`, `report` and `replay` read it",
 }
 """What there is to do with a file, by what it is."""
@@ -128,7 +129,7 @@ _KEYS: Final = {"workspace": "mission file", "part": "campaign file", "fence": _
 
 def _refuse(found: str | None, wanted: str, source: str) -> None:
     if found is not None and found != wanted and wanted in _USES:
-        use = _USES[found].format(name=Path(source).name)
+        use = _USES[found].format(path=shlex.quote(source), name=Path(source).name)
         raise ConfigError(f"it is a {found}, allowed: a {wanted}; {use}", source=source)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from soter.errors import ConfigError
 from soter.loading import load_named
+from soter.missions import Mission
 
 
 @pytest.mark.parametrize(
@@ -25,3 +26,16 @@ def test_a_file_is_loaded_once(tmp_path: Path) -> None:
     (tmp_path / "once.py").write_text("class Once:\n    pass\n")
     first, second = (load_named(f"{tmp_path}/once.py:Once", ConfigError) for _ in range(2))
     assert first is second
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [(0, "has no subclass of soter.Mission"), (2, "has 2 subclasses of soter.Mission: A0, A1; ")],
+)
+def test_classes_of_a_file_are_counted_in_words(tmp_path: Path, count: int, words: str) -> None:
+    (tmp_path / "many.py").write_text(
+        "from soter import Mission\n" + "".join(f"class A{n}(Mission): ...\n" for n in range(count))
+    )
+    with pytest.raises(ConfigError) as refusal:
+        load_named(str(tmp_path / "many.py"), ConfigError, Mission)
+    assert words in str(refusal.value)

@@ -252,23 +252,35 @@ def test_all_that_is_wrong_is_listed_in_the_order_of_the_file() -> None:
     ],
 )
 def test_a_file_of_another_kind_is_called_by_its_name(
-    name: str, text: str, kind: str, use: str, tmp_path: Path
+    name: str, text: str, kind: str, use: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_text(text)
     with pytest.raises(ConfigError) as refused:
-        load_mission(tmp_path / name)
+        load_mission(name)
     assert f"{name}: it is a {kind}, allowed: a mission file; " in str(refused.value)
     assert use in str(refused.value)
 
 
-def test_a_mission_is_no_workspace_and_no_campaign(tmp_path: Path) -> None:
-    (tmp_path / "m.toml").write_text('workspace = "room.xml"\n')
+def test_a_mission_is_no_workspace_and_no_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.toml").write_text('workspace = "room.xml"\n')
     with pytest.raises(ConfigError, match=r"it is a mission file, allowed: a workspace file; `soter run m\.toml` runs"):
-        read_workspace(tmp_path / "m.toml")
+        read_workspace(Path("m.toml"))
     with pytest.raises(ConfigError, match=r"it is a mission file, allowed: a campaign file; `soter run m\.toml` runs"):
-        load_campaign(tmp_path / "m.toml")
+        load_campaign(Path("m.toml"))
 
 
 def test_a_huge_value_and_a_huge_name_do_not_fill_the_screen() -> None:
     assert len(error(f'targets = "{10_000 * "x"}"\n')) < 200
     assert len(error(f"{10_000 * 'x'} = 1\n")) < 400
+
+
+@pytest.mark.parametrize(("name", "command"), [("stations.py", "soter run --mission"), ("room.xml", "soter workspace")])
+def test_the_command_for_a_file_of_another_kind_has_its_folder(name: str, command: str, tmp_path: Path) -> None:
+    path = tmp_path / "my missions" / name
+    path.parent.mkdir()
+    path.write_text("")
+    with pytest.raises(ConfigError) as refusal:
+        load_mission(path)
+    assert f"`{command} '{path}'`" in str(refusal.value)
