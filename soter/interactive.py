@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from functools import cached_property
 from html import escape
@@ -18,6 +18,7 @@ from soter.config import load_mission
 from soter.errors import ConfigError, SoterError
 from soter.loading import seen_from
 from soter.missions import ROOM
+from soter.problems import split_key
 from soter.record.export import export_csv
 from soter.record.reader import Recording
 from soter.registry import install_hint
@@ -28,6 +29,11 @@ from soter.scratch import Scratch
 
 if TYPE_CHECKING:
     import pandas as pd
+
+ARGUMENT: Final = "argument"
+SETTINGS: Final = "settings"
+KEYWORD: Final = "keyword argument"
+"""Where a value came from, for messages."""
 
 PAGE_HEIGHT_PX: Final = 820
 """How much of a notebook the page of a run takes."""
@@ -60,12 +66,23 @@ class FinishedRun:
             raise ConfigError("it has no result: its run did not come to an end", source=str(path))
         return cls(RunResult.model_validate_json(result), recording)
 
+    @property
+    def ok(self) -> bool:
+        """Whether the run completed, broke no rule, and every robot kept its AC and was under control.
+
+        If not, `result.status`, `failure`, `violations`, `failed_robots` and `uncontrolled` say why.
+        """
+        result = self.result
+        troubled = result.violated or result.failed_robots or result.uncontrolled
+        return result.status == "completed" and not troubled
+
     @cached_property
     def frames(self) -> Mapping[str, pd.DataFrame]:
         """The recording as data frames, by kind.
 
         `ticks` has a row a robot and tick, `modules` one a module, robot and tick, with margin and reach bound; the
-        others, such as `switch` and `violation`, one an event. Times are fleet time in seconds.
+        others, such as `switch` and `violation`, one an event. Times are fleet time in seconds. docs/notebook.md has
+        the keys.
 
         Raises:
             SoterError: pandas is not installed.
@@ -114,6 +131,7 @@ def run(
     settings: Mapping[str, Any] | None = None,
     *,
     record: Path | str | None = None,
+    force: bool = False,
     accept_unproved: bool = False,
     **keys: Any,
 ) -> FinishedRun:
@@ -121,30 +139,40 @@ def run(
 
     Args:
         mission: a mission file, or a script `FILE.py`, which is run in a room of 5 m with two robots.
-        settings: values that take the place of the mission file's, by dotted key: `{"rta.collision.delta_s": 0.1}`.
-        record: where the recording stays, a file that is replaced; without it it is gone with what is returned.
+        settings: values that take the place of the mission file's, by dotted key: `{"rta.collision.delta_s": 0.1}`. A
+            table, `{"rta": {"collision": {"delta_s": 0.1}}}`, says the same: keys that it does not have stay.
+        record: where the recording stays, a new file; without it it is gone with what is returned.
+        force: whether a recording that is there already is replaced.
         accept_unproved: whether to run what is not proved; the result says what that was.
         **keys: settings of the mission file's first level, such as `seed=3`, `duration_s=60.0`, `backend="kinematic"`.
 
     Raises:
-        ConfigError: bad input, or a module that is not proved; nothing has moved.
+        ConfigError: bad input, a recording that is there already, or a module that is not proved; nothing has moved.
         BackendError: the backend cannot be opened or a robot does not get ready; nothing has moved.
         IllFormedModule: a safety module cannot keep its promise on these robots; nothing has moved.
         SoterError: the run could not be recorded.
     """
-    overrides = dict(settings or {})
-    if twice := sorted(overrides.keys() & keys.keys()):
-        raise ConfigError("it is given twice", key=twice[0])
-    overrides |= keys
+    overrides: dict[str, object] = {}
+    origins: dict[str, str] = {}
+    known: set[tuple[str, ...]] = set()
+    for origin, given in ((SETTINGS, settings or {}), (KEYWORD, keys)):
+        for key, value in _by_dotted_key(given):
+            if (parts := split_key(key)) in known:
+                raise ConfigError("it is given twice", key=".".join(parts))
+            known.add(parts)
+            overrides[key], origins[key] = value, origin
     if Path(mission).suffix == ".py":
-        overrides["mission"] = seen_from(Path.cwd(), str(mission))
+        overrides["mission"], origins["mission"] = seen_from(Path.cwd(), str(mission)), ARGUMENT
         mission = ROOM
-    loaded = load_mission(mission, overrides)
+    loaded = load_mission(mission, overrides, origins=origins)
     scratch = None
     if record is None:
         scratch = Scratch("run")
         path = scratch.path / "run.mcap"
     elif (path := Path(record)).exists():
+        if not force:
+            said = f"'{path}' is there already; name another file, or give force=True to replace it"
+            raise ConfigError(said, source=KEYWORD, key="record")
         Recording(path)  # what is no recording is not replaced by one
     try:
         done = run_mission(loaded, record=path, accept_unproved=accept_unproved)
@@ -156,6 +184,16 @@ def run(
         if scratch is not None:
             scratch.close()
         raise
+
+
+def _by_dotted_key(given: Mapping[str, Any]) -> Iterator[tuple[str, object]]:
+    """Yield the values of settings by dotted key; those of a table have its key before their own."""
+    for key, value in given.items():
+        if isinstance(value, Mapping):
+            # The name of a backend may have dots.
+            yield from _by_dotted_key({f'{key}."{name}"': each for name, each in value.items()})
+        else:
+            yield key, value
 
 
 def _caption(result: RunResult) -> Caption:

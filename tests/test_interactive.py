@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import os
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -77,11 +78,16 @@ def test_a_script_is_enough_and_a_recording_stays_where_it_was_asked_for(tmp_pat
         "from soter import Mission\n\n\nclass Patrol(Mission):\n    async def run(self, robot):\n"
         "        await robot.go_to(2, 2)\n"
     )
-    for _ in range(2):
-        assert soter.run(script, record=path, duration_s=5.0).recording.path == path
-    path.write_text("mine")
-    with pytest.raises(BadRecording):
+    for force in (False, True):
+        assert soter.run(script, record=path, force=force, duration_s=5.0).recording.path == path
+    before = path.read_bytes()
+    with pytest.raises(ConfigError, match=r"^keyword argument: record: .*force=True"):
         soter.run(script, record=path, duration_s=5.0)
+    assert path.read_bytes() == before
+    path.write_text("mine")
+    for force in (False, True):
+        with pytest.raises(BadRecording if force else ConfigError):
+            soter.run(script, record=path, force=force, duration_s=5.0)
     assert path.read_text() == "mine"
 
 
@@ -97,8 +103,62 @@ def test_a_recording_that_nobody_asked_for_goes_with_the_run() -> None:
 def test_bad_input_is_refused() -> None:
     with pytest.raises(ConfigError, match="given twice"):
         soter.run(MISSION, {"seed": 1}, seed=2)
-    with pytest.raises(ConfigError, match="sead"):
-        soter.run(MISSION, sead=3)
+    with pytest.raises(ConfigError, match="given twice"):
+        soter.run(MISSION, {"rta": {"collision": {"delta_s": 0.1}}, "rta.collision.delta_s": 0.2})
+
+
+@pytest.mark.parametrize(
+    ("settings", "keys", "origin"),
+    [
+        ({}, {"duration": 5.0}, "keyword argument: duration: unknown key, did you mean 'duration_s'"),
+        ({"duration": 5.0}, {}, "settings: duration: unknown key"),
+        ({"rta.colision.delta_s": 0.1}, {}, "settings: rta.colision: unknown key"),
+        ({}, {"rta": {"collision": {"delta": 0.1}}}, "keyword argument: rta.collision.delta: unknown key"),
+        ({"backends": {"kinematic": {"rate": 1}}}, {}, "settings: backends.kinematic.rate: unknown key"),
+        ({"workspace.fence": 1}, {}, "settings: workspace.fence: there is no such key"),
+    ],
+)
+def test_a_refusal_says_where_in_the_call_the_value_is(
+    settings: dict[str, Any], keys: dict[str, Any], origin: str
+) -> None:
+    with pytest.raises(ConfigError, match=f"^{re.escape(origin)}") as refusal:
+        soter.run(MISSION, settings, **{**BRIEF, "duration_s": 1.0, **keys})
+    assert "command line" not in str(refusal.value)
+
+
+VISITS = """\
+from soter import Mission
+
+
+class Visits(Mission):
+    class Options(Mission.Options):
+        visits: int = 3
+        where: tuple[float, float] = (1.0, 1.0)
+
+    async def run(self, robot):
+        await robot.sleep(0.1)
+        if self.options.visits != 1:
+            raise ValueError(f"{self.options.visits} visits")
+"""
+
+
+def test_a_table_of_settings_leaves_the_other_keys_of_the_file(tmp_path: Path) -> None:
+    (tmp_path / "visits.py").write_text(VISITS)
+    file = tmp_path / "m.toml"
+    file.write_text(f'workspace = "{ROOT}/examples/surveillance.xml"\n[mission]\nuse = "visits.py"\nwhere = [2, 2]\n')
+    run = soter.run(file, {"mission": {"visits": 1}}, **BRIEF)
+    options = run.recording.about.mission["mission"]
+    assert (options["visits"], options["where"], Path(options["use"]).name) == (1, [2, 2], "visits.py")
+    assert run.ok
+
+
+def test_a_run_is_not_ok_if_a_robot_has_lost_its_ac(run: FinishedRun, tmp_path: Path) -> None:
+    assert run.ok
+    (tmp_path / "visits.py").write_text(VISITS)
+    failed = soter.run(tmp_path / "visits.py", **BRIEF)
+    assert (failed.result.status, failed.result.failure, failed.result.violated) == ("completed", "", False)
+    assert sorted(failed.result.failed_robots) == [1, 2]
+    assert not failed.ok
 
 
 def test_without_its_libraries_it_says_what_to_install(run: FinishedRun, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -119,7 +119,7 @@ class MissionFile(Table):
 
     _source: str | None = PrivateAttr(default=None)
     _lines: dict[tuple[str, ...], int] = PrivateAttr(default_factory=dict)
-    _overridden: tuple[tuple[str, ...], ...] = PrivateAttr(default=())
+    _overridden: dict[tuple[str, ...], str] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
     def _whole_ticks(self) -> Self:
@@ -155,8 +155,8 @@ class MissionFile(Table):
         return self._source
 
     @property
-    def overridden(self) -> tuple[tuple[str, ...], ...]:
-        """The keys, split at their dots, whose values came from the command line instead of the file."""
+    def overridden(self) -> Mapping[tuple[str, ...], str]:
+        """The keys, split at their dots, whose values did not come from the file, and where they came from instead."""
         return self._overridden
 
     def initial_charge(self, robot_id: int) -> float:
@@ -247,9 +247,8 @@ class MissionFile(Table):
     def _problem(self, key: str, message: str) -> Problem:
         """Return a problem of one key, with the place where its value was given."""
         parts = split_key(key)
-        if any(parts[: len(given)] == given for given in self._overridden):
-            return Problem(message, key, source=COMMAND_LINE)
-        return Problem(message, key, line_of(parts, self._lines))
+        origin = next((origin for given, origin in self._overridden.items() if parts[: len(given)] == given), None)
+        return Problem(message, key, line_of(parts, self._lines) if origin is None else None, origin)
 
 
 def _listed(ids: Sequence[int]) -> str:
@@ -263,15 +262,19 @@ def draw_charge(seed: int, robot_id: int) -> float:
 
 
 def load_mission(
-    path: Path | str, overrides: Mapping[str, object] | None = None, engine: str | None = None
+    path: Path | str,
+    overrides: Mapping[str, object] | None = None,
+    engine: str | None = None,
+    origins: Mapping[str, str] | None = None,
 ) -> MissionFile:
     """Read a mission file.
 
     Args:
         path: the TOML file.
-        overrides: values from the command line that replace the file's, by dotted key such as "rta.collision.delta_s";
-            None as a value means not given.
+        overrides: values that replace the file's, by dotted key such as "rta.collision.delta_s"; None as a value means
+            not given.
         engine: value for the option `engine` of the mission's backend; None to keep the file's.
+        origins: where overrides come from, for messages, by key; the command line, if not given.
 
     Raises:
         ConfigError: the file cannot be read, or something in it is not allowed; all problems are listed, with line,
@@ -279,10 +282,11 @@ def load_mission(
     """
     path = Path(path)
     data = read_limited(path, "mission file")
-    mission = parse_mission(data, str(path), overrides)
+    mission = parse_mission(data, str(path), overrides, origins)
     if engine is not None:
         # A backend may be named by its class, which contains dots.
-        return load_mission(path, {**(overrides or {}), f'backends."{mission.backend}".engine': engine})
+        both = {**(overrides or {}), f'backends."{mission.backend}".engine': engine}
+        return load_mission(path, both, origins=origins)
     changes: dict[str, Any] = {"workspace": path.parent / mission.workspace}
     if file_of(mission.mission.use) is not None:
         changes["mission"] = mission.mission.model_copy(update={"use": seen_from(path.parent, mission.mission.use)})
@@ -298,15 +302,20 @@ def load_mission(
     return mission.model_copy(update=changes)
 
 
-def parse_mission(data: bytes, source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
+def parse_mission(
+    data: bytes,
+    source: str,
+    overrides: Mapping[str, object] | None = None,
+    origins: Mapping[str, str] | None = None,
+) -> MissionFile:
     """Read a mission from the bytes of a TOML file; `source` names it in errors. See `load_mission`."""
     raw, lines = parse_toml(data, source, "mission file")
-    return _checked(raw, source, overrides, lines)
+    return _checked(raw, source, overrides, lines, origins or {})
 
 
 def make_mission(tables: Mapping[str, Any], source: str, overrides: Mapping[str, object] | None = None) -> MissionFile:
     """Make a mission from its tables, such as a recording's; `source` names them in errors. See `load_mission`."""
-    return _checked(copy.deepcopy(dict(tables)), source, overrides, {})
+    return _checked(copy.deepcopy(dict(tables)), source, overrides, {}, {})
 
 
 def _checked(
@@ -314,11 +323,14 @@ def _checked(
     source: str,
     overrides: Mapping[str, object] | None,
     lines: dict[tuple[str, ...], int],
+    origins: Mapping[str, str],
 ) -> MissionFile:
+    where = {split_key(key): origins.get(key, COMMAND_LINE) for key in overrides or {}}
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
     if isinstance(raw.get("robots"), dict) and isinstance(given.get(("robots",)), int):
         # Overriding the number of robots keeps the file's tables of single robots.
         given["robots", "count"] = given.pop(("robots",))
+        where["robots", "count"] = where["robots",]
     if raw.get("app") == SURVEILLANCE and "mission" not in raw:
         # Older files and recordings, from before missions had names, have this key.
         del raw["app"]
@@ -327,20 +339,20 @@ def _checked(
         # It is short for an option of the mission that the file names, which is replaced.
         raw.pop("targets", None)
     for key, value in sorted(given.items(), key=lambda each: each[0]):
-        _override(raw, key, copy.deepcopy(value))
+        _override(raw, key, copy.deepcopy(value), where[key])
         _name_in_table(raw)
     _refuse_what_no_key_has(raw, source, lines)
     try:
         mission = MissionFile.model_validate(raw)
     except ValidationError as failure:
-        elsewhere = dict.fromkeys(given, COMMAND_LINE)
+        elsewhere = {key: where[key] for key in given}
         # A table that only an override names, such as a misspelt one, is reported as a whole.
         in_file = {line[:end] for line in lines for end in range(1, len(line) + 1)}
         for key in given:
-            elsewhere |= {key[:end]: COMMAND_LINE for end in range(1, len(key)) if lines and key[:end] not in in_file}
+            elsewhere |= {key[:end]: where[key] for end in range(1, len(key)) if lines and key[:end] not in in_file}
         problems = pydantic_problems(failure, MissionFile, lines=lines, elsewhere=elsewhere)
         raise config_error(problems, source) from failure
-    mission._source, mission._lines, mission._overridden = source, lines, tuple(given)
+    mission._source, mission._lines, mission._overridden = source, lines, {key: where[key] for key in given}
     return mission
 
 
@@ -370,12 +382,10 @@ def _name_in_table(raw: dict[str, Any]) -> None:
         raw["mission"] = {"use": raw["mission"]}
 
 
-def _override(raw: dict[str, Any], key: tuple[str, ...], value: object) -> None:
+def _override(raw: dict[str, Any], key: tuple[str, ...], value: object, origin: str) -> None:
     table: object = raw
     for part in key[:-1]:
         table = table.setdefault(part, {}) if isinstance(table, dict) else None
     if not isinstance(table, dict) or not key:
-        raise ConfigError(
-            "there is no such key: its parent is not a table", source=COMMAND_LINE, key=dotted(*key) or "''"
-        )
+        raise ConfigError("there is no such key: its parent is not a table", source=origin, key=dotted(*key) or "''")
     table[key[-1]] = value

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -31,7 +32,7 @@ def validate_options(
     source: str | None,
     key: str,
     filled: Mapping[str, object] | None = None,
-    overridden: Collection[tuple[str, ...]] = (),
+    overridden: Mapping[tuple[str, ...], str] = MappingProxyType({}),
 ) -> Options:
     """Check a raw table of options with the model of the class that it is for.
 
@@ -41,7 +42,7 @@ def validate_options(
         source: the mission file, or None.
         key: the table's dotted key, such as "backends.pybullet".
         filled: options that the program itself sets, which the table may not have.
-        overridden: the mission's `overridden`, for errors about values from the command line.
+        overridden: the mission's `overridden`, for errors about values that are not from the file.
 
     Raises:
         ConfigError: an option is unknown or not allowed; all problems are listed.
@@ -62,8 +63,7 @@ def validate_options(
     try:
         options = model.model_validate({**raw, **filled})
     except ValidationError as failure:
-        elsewhere = dict.fromkeys(overridden, COMMAND_LINE)
-        problems += pydantic_problems(failure, model, prefix=prefix, lines=lines, elsewhere=elsewhere, hidden=filled)
+        problems += pydantic_problems(failure, model, prefix=prefix, lines=lines, elsewhere=overridden, hidden=filled)
         raise config_error(problems, source) from failure
     except KeyboardInterrupt:
         raise
@@ -73,7 +73,7 @@ def validate_options(
         ) from failure
     for where, known in _ignored(options, raw):
         at, name = (*prefix, *where), where[-1]
-        own = next((COMMAND_LINE for each in overridden if each == at[: len(each)]), None)
+        own = next((origin for each, origin in overridden.items() if each == at[: len(each)]), None)
         message = f"unknown key{nearest(name, known)}; allowed: {', '.join(known)}"
         problems.append(Problem(message, dotted(*at), None if own else line_of(at, lines), own))
     if problems:

@@ -75,7 +75,7 @@ class PlannerSpec:
         body_radius_m: radius of the robots' round bodies, in metres; by robot id if they differ.
         options: the raw table `[planners.NAME]`.
         source: the mission file with the table, for error messages.
-        overridden: keys that came from the command line instead, likewise.
+        overridden: keys that did not come from it, and where they came from instead, likewise.
     """
 
     name: str
@@ -83,7 +83,7 @@ class PlannerSpec:
     body_radius_m: float | Mapping[int, float]
     options: Mapping[str, Any] = field(default_factory=dict)
     source: str | None = None
-    overridden: tuple[tuple[str, ...], ...] = ()
+    overridden: Mapping[tuple[str, ...], str] = field(default_factory=dict)
 
     def build(self) -> Planner:
         """Build the planner in this process. The mission uses `PlanService`, which does this in a worker.
