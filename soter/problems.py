@@ -188,12 +188,15 @@ def parse_toml(data: bytes, source: str, what: str) -> tuple[dict[str, Any], dic
     try:
         # Some editors begin a file with a byte order mark, which TOML lets readers ignore.
         text = data.decode().removeprefix("\ufeff")
-        tables = tomllib.loads(text)
     except UnicodeDecodeError as failure:
         line = data[: failure.start].count(b"\n") + 1
         raise ConfigError("not UTF-8, as TOML must be; save it as UTF-8", source=source, line=line) from failure
+    try:
+        tables = tomllib.loads(text)
     except ValueError as failure:
         message, at = _syntax_error(str(failure))
+        if at is not None and what == "mission file" and _second_mission(text, at):
+            message += '; mission = "NAME" is short for [mission] with use = "NAME": write only the table'
         raise ConfigError(f"not valid TOML: {message}", source=source, line=at) from failure
     except RecursionError as failure:
         raise ConfigError(TOO_DEEP, source=source) from failure
@@ -207,6 +210,14 @@ def _syntax_error(message: str) -> tuple[str, int | None]:
     if found is None:
         return message, None
     return f"{message[: found.start()]} (column {found[2]})", int(found[1])
+
+
+def _second_mission(text: str, at: int) -> bool:
+    """Return whether a line is about the mission, which a line above has as a value."""
+    lines = text.split("\n")
+    above = key_lines("\n".join(lines[: at - 1]))
+    here = key_lines(lines[at - 1])
+    return ("mission",) in above and any(key[0] == "mission" for key in here)
 
 
 NOT_ALLOWED = "not_allowed"

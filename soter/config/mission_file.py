@@ -8,10 +8,12 @@ each `[[fault]]`.
 
 from __future__ import annotations
 
+import ast
 import copy
 import math
 import random
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
@@ -58,6 +60,9 @@ from soter.problems import (
     read_limited,
     split_key,
 )
+
+UNKNOWN: Final = ("extra_forbidden", 1)
+"""What pydantic says of an unknown key, and how deep one of the first level is."""
 
 INITIAL_CHARGE: Final = (0.60, 1.00)
 """Range from which a robot's initial charge is drawn unless the mission gives one."""
@@ -351,9 +356,40 @@ def _checked(
         for key in given:
             elsewhere |= {key[:end]: where[key] for end in range(1, len(key)) if lines and key[:end] not in in_file}
         problems = pydantic_problems(failure, MissionFile, lines=lines, elsewhere=elsewhere)
+        unknown = {str(each["loc"][0]) for each in failure.errors() if (each["type"], len(each["loc"])) == UNKNOWN}
+        problems = [_misplaced_option(each, raw, source) if each.key in unknown else each for each in problems]
         raise config_error(problems, source) from failure
     mission._source, mission._lines, mission._overridden = source, lines, {key: where[key] for key in given}
     return mission
+
+
+def _misplaced_option(problem: Problem, raw: Mapping[str, Any], source: str) -> Problem:
+    """Return the problem of an unknown key, and say of an option of the mission's own where it belongs."""
+    table = raw.get("mission")
+    use = table.get("use", SURVEILLANCE) if isinstance(table, dict) else SURVEILLANCE
+    if not isinstance(use, str) or use == SURVEILLANCE:
+        return problem
+    if file_of(use) is None:
+        return replace(problem, message=f"{problem.message}; options of mission '{use}' belong under [mission]")
+    if problem.key not in _options_in(file_of(seen_from(Path(source).parent, use))):
+        return problem
+    message = f"it is an option of the mission, and belongs under [mission], beside use = '{use}'"
+    return replace(problem, message=message)
+
+
+def _options_in(file: Path | None) -> set[str]:
+    """Return the names of the options that missions in a file have, without running it; empty if it cannot be read."""
+    try:
+        tree = ast.parse(read_limited(file, "file")) if file else ast.Module([], [])
+    except (ConfigError, SyntaxError, ValueError, RecursionError, MemoryError):
+        return set()
+    return {
+        field.target.id
+        for each in ast.walk(tree)
+        if isinstance(each, ast.ClassDef) and each.name == "Options"
+        for field in each.body
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+    }
 
 
 def _refuse_what_no_key_has(raw: Mapping[str, Any], source: str, lines: dict[tuple[str, ...], int]) -> None:

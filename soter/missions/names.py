@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from soter.config import MissionFile, validate_options
+from soter.config.options import COMMAND_LINE
 from soter.config.tables import SURVEILLANCE
 from soter.errors import ConfigError
 from soter.geometry.workspace import Workspace
@@ -94,8 +95,14 @@ def options_of(file: MissionFile, found: type[Mission]) -> Mission.Options:
     Raises:
         ConfigError: an option is unknown or not allowed.
     """
-    model: type[Mission.Options] = found.Options
-    return validate_options(model, file.options, file.source, "mission", overridden=file.overridden)
+    model, overridden = found.Options, file.overridden
+    if file.targets is not None:
+        if "targets" not in model.model_fields:
+            option = "--targets" if overridden.get(("targets",)) == COMMAND_LINE else "the key"
+            raise file.refusal("targets", f"mission '{file.mission.use}' draws no targets; leave {option} out")
+        if ("targets",) in overridden:
+            overridden = {**overridden, ("mission", "targets"): overridden["targets",]}
+    return validate_options(model, file.options, file.source, "mission", overridden=overridden)
 
 
 def checked(

@@ -10,7 +10,7 @@ from soter.campaign.plan import load_campaign
 from soter.config import load_mission, parse_mission
 from soter.errors import ConfigError
 from soter.geometry.reading import read_workspace
-from tests.config.text import CHEAP, error
+from tests.config.text import CHEAP, HEAD, error
 
 ALL_KEYS = (
     "mission, workspace, station, start, backend, duration_s, seed, targets, robots, ac, planner, "
@@ -21,6 +21,11 @@ WRONG: list[tuple[str, str]] = [
     # syntax
     ("seed = \n", "m.toml:2: not valid TOML: Invalid value (column 8)"),
     ("seed = 1\nseed = 2\n", "m.toml:3: not valid TOML: Cannot overwrite a value (column 9)"),
+    (
+        'mission = "a.py"\n[mission]\nvisits = 1\n',
+        "m.toml:3: not valid TOML: Cannot overwrite a value (column 9); "
+        'mission = "NAME" is short for [mission] with use = "NAME": write only the table',
+    ),
     ("x = [\n", "m.toml: not valid TOML: Invalid value (at end of document)"),
     ("x = " + 5000 * "[", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
     (
@@ -284,3 +289,36 @@ def test_the_command_for_a_file_of_another_kind_has_its_folder(name: str, comman
     with pytest.raises(ConfigError) as refusal:
         load_mission(path)
     assert f"`{command} '{path}'`" in str(refusal.value)
+
+
+SCRIPT = "class Visits:\n    class Options:\n        stations: list[int]\n        robots: int = 3\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            'mission = "stations.py"\nstations = [1]\n',
+            r"m\.toml:3: stations: .*\[mission\], beside use = 'stations.py'",
+        ),
+        ('mission = "stations.py:Visits"\nstations = [1]\n', r"m\.toml:3: stations: .*\[mission\]"),
+        ('mission = "waypoints"\npoints = [[1, 1]]\n', r"m\.toml:3: points: unknown key.*'waypoints'.*\[mission\]"),
+    ],
+)
+def test_an_option_of_the_mission_at_the_first_level_belongs_into_its_table(
+    text: str, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "stations.py").write_text(SCRIPT)
+    (tmp_path / "m.toml").write_text(HEAD + text)
+    with pytest.raises(ConfigError, match=said) as refusal:
+        load_mission(tmp_path / "m.toml")
+    assert "did you mean" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("script", [SCRIPT, "class", None])
+def test_a_key_that_no_mission_has_is_unknown(script: str | None, tmp_path: Path) -> None:
+    if script is not None:
+        (tmp_path / "stations.py").write_text(script)
+    (tmp_path / "m.toml").write_text(f'{HEAD}mission = "stations.py"\nsed = 1\n')
+    with pytest.raises(ConfigError, match=r"m\.toml:3: sed: unknown key, did you mean 'seed'\?; allowed: [^[]*$"):
+        load_mission(tmp_path / "m.toml")

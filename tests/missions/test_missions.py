@@ -343,15 +343,20 @@ def test_options_that_are_not_allowed_are_named(options: dict[str, Any], key: st
     assert key in str(caught.value)
 
 
-def test_targets_are_for_missions_that_have_them() -> None:
+def test_targets_are_for_missions_that_have_them(tmp_path: Path) -> None:
     assert load_mission(ROOM, {"targets": "hostile"}).targets_from == "hostile"
     assert load_mission(ROOM, {"mission.targets": "uniform"}).targets_from == "uniform"
     with pytest.raises(ConfigError, match="targets"):
         load_mission(ROOM, {"mission.targets": "uniform", "targets": "grid"})
     other = load_mission(EXAMPLES / "surveillance.toml", {"mission": "tests.missions.scripts:Wanders"})
     assert (other.options, other.targets_from) == ({}, ""), "the file's were those of its mission"
-    with pytest.raises(ConfigError, match=r"mission\.targets"):
+    with pytest.raises(ConfigError, match=r"^command line: targets: .*--targets"):
         made(told("Wanders", targets="grid"))
+    (tmp_path / "m.toml").write_text(
+        f'workspace = "{ROOM.parent}/room.xml"\ntargets = "grid"\nmission = "tests.missions.scripts:Wanders"\n'
+    )
+    with pytest.raises(ConfigError, match=r"m\.toml:2: targets: [^-]*$"):
+        made(load_mission(tmp_path / "m.toml"))
 
 
 def test_files_that_name_the_app_are_understood(tmp_path: Path) -> None:
