@@ -20,11 +20,12 @@ SoterError
 from __future__ import annotations
 
 import math
-import traceback
+import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
-_HERE = Path(__file__).parent
+_SOTER: Final = str(Path(__file__).parent) + os.sep
 
 
 class SoterError(Exception):
@@ -155,11 +156,23 @@ def account_of(failure: BaseException, shown: Callable[[BaseException], str] = r
     return " ".join(text[:MAX_WORDS].split())
 
 
-def place_of(failure: BaseException) -> str:
-    """Return where a failure was raised, as the end of a message: the last line of code that is not SOTER's, if any."""
-    frames = traceback.extract_tb(failure.__traceback__)
-    at = [each for each in frames if not Path(each.filename).is_relative_to(_HERE)] or frames
-    return f" ({Path(at[-1].filename).name}, line {at[-1].lineno})" if at else ""
+def raised_at(failure: BaseException) -> str:
+    """Return file and line of foreign code that an exception was raised in, as the end of a message; empty without.
+
+    What foreign code has called, in SOTER and in libraries, is passed over.
+    """
+    import sysconfig
+
+    python, *installed = (sysconfig.get_path(each) + os.sep for each in ("stdlib", "purelib", "platlib"))
+    found: dict[bool, str] = {}
+    at = failure.__traceback__
+    while at is not None:
+        file = at.tb_frame.f_code.co_filename
+        added = file.startswith(tuple(installed))
+        if added or not file.startswith(("<", _SOTER, python)):
+            found[added] = f" ({Path(file).name}, line {at.tb_lineno})"
+        at = at.tb_next
+    return found.get(False, found.get(True, ""))
 
 
 def floor_m(value: float) -> str:

@@ -12,8 +12,9 @@ from typing import Final
 from soter.errors import SoterError
 from soter.geometry.workspace import Workspace
 from soter.loading import described
-from soter.machine import Event, Goto, Machine, MachineRef, Next, State
+from soter.machine import Event, Goto, Machine, MachineRef, MisuseError, Next, State
 from soter.missions.stage import Stage
+from soter.problems import shown_value
 from soter.sdk import RobotState, Waypoint
 from soter.stack.events import TRIES, TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.kit import RobotPort
@@ -134,11 +135,17 @@ class Robot(Peer):
             True once it holds; False if the time is up.
 
         Raises:
-            TypeError: the condition is a coroutine, which would count as true before it has been asked.
+            TypeError: the condition is no function, or a coroutine, which would count as true before it has been asked.
             ValueError: the time-out is not allowed.
         """
         if math.isnan(timeout_s):
             raise ValueError(f"timeout_s is {timeout_s}, allowed: a number of seconds, or none for no end")
+        asked: object = condition
+        if not callable(asked):
+            raise TypeError(
+                f"the condition of until is {shown_value(asked)}, allowed: a function, which is asked at every tick; "
+                "write `lambda: ` before it"
+            )
         end_s = self.now() + timeout_s
         while True:
             holds: object = condition()
@@ -197,10 +204,26 @@ class RobotScript(Machine):
         script.on_end()
         return Goto(self.Ended)
 
+    def _check_own(self) -> None:
+        """Refuse to wait in other code than this robot's own script.
+
+        Raises:
+            MisuseError: another script, or a coroutine of asyncio's, has this robot's handle.
+        """
+        try:
+            self._running_context("await")
+        except MisuseError as failure:
+            raise MisuseError(
+                f"the handle of robot {self.script.robot_id} was awaited elsewhere; a script may await its own handle "
+                "only, which `run` is given, and sees of others what robot.peers says; scripts tell each other by "
+                "attributes of the mission"
+            ) from failure
+
     async def visit(
         self, agent: MachineRef, place: tuple[float, float], timeout_s: float | None, tries: int
     ) -> Arrival:
         """Have the robot agent visit a place; see `Robot.go_to`."""
+        self._check_own()
         stage, robot_id, target_id = self.script.stage, self.script.robot_id, next(self.script.target_ids)
         began_s = self.now()
         self.send(agent, VisitTarget(target_id, place, timeout_s, tries))
@@ -213,5 +236,6 @@ class RobotScript(Machine):
 
     async def sleep(self, duration_s: float) -> None:
         """Wait; see `Robot.sleep`."""
+        self._check_own()
         self.after(max(duration_s, self.script.stage.tick_s), Wake())
         await self.receive(Wake)

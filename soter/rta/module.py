@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from soter.errors import IllFormedModule, account_of
+from soter.errors import IllFormedModule, account_of, raised_at
 from soter.rta.models import ReachModel
 from soter.rta.situation import Sample, Situation
 from soter.rta.topics import Node
@@ -120,7 +120,7 @@ def no_answer(region: Region, situation: Situation) -> str:
     except KeyboardInterrupt:
         raise
     except BaseException as failure:  # noqa: BLE001 - foreign code
-        return account_of(failure)
+        return account_of(failure) + raised_at(failure)
     return "it is not a number" if math.isnan(margin) else ""
 
 
@@ -249,7 +249,8 @@ class RTAModule:
         except KeyboardInterrupt:
             raise
         except BaseException as failure:  # foreign code
-            raise IllFormedModule(self.name, "P3", f"it fails when it is evaluated: {account_of(failure)}") from failure
+            words = f"it fails when it is evaluated: {account_of(failure)}{raised_at(failure)}"
+            raise IllFormedModule(self.name, "P3", words) from failure
 
     def _check_declaration(self) -> None:
         if not 0.0 < self.delta_s < math.inf:
@@ -308,6 +309,13 @@ class RTAModule:
         if edge - noise - self.keep - reach >= -_ROUNDING:
             return
         unit = phi_safe.unit
+        if math.isnan(edge):
+            raise IllFormedModule(
+                self.name,
+                "P3",
+                f"edge_margin of {type(phi_safe).__name__} returns {edge} for phi_safer, a "
+                f"{type(self.phi_safer).__name__}; the least margin of phi_safe inside of it, in {unit}, would do",
+            )
         needed = reach + noise + self.keep
         remedy, instead = "no phi_safer", ""
         if self.most_edge is not None and needed > self.most_edge + _ROUNDING:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from soter.controller import AC, SC
-from soter.errors import Intruder, Uncontrolled, account_of, place_of
+from soter.errors import Intruder, Uncontrolled, account_of, raised_at
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog
 from soter.rta.decision import DecisionModule, Drivers
@@ -410,5 +410,5 @@ class RobotSupervisor:
         if self.mode is AC:
             self.fail_ac(f"AC failed: {account}")
         else:
-            cause = f"safe controller '{node.name}' failed: {account}{place_of(failure)}"
+            cause = f"safe controller '{node.name}' failed: {account}{raised_at(failure)}"
             self.log.note(Assumption.CONTRACT, self.situation.now_s, cause)

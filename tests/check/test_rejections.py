@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -163,6 +164,7 @@ DECLARED: dict[str, tuple[str, RTAModule]] = {
     "the unit of phi_safe is 5": ("P3", module(phi_safe=InFives())),
     "it fails when it is evaluated": ("P3", module(phi_safer=EastOf())),
     "at the edge of phi_safer it is only 0.010 m": ("P3", module(phi_safer=Above(0.01))),
+    "edge_margin of Above returns nan": ("P3", module(phi_safer=Above(math.nan))),
 }
 EAST = RobotPlace(1, 2.0, 1.0, Box(1.8, 0.8, 2.2, 1.2))
 # The others, which need more than a declaration.

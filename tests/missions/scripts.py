@@ -214,6 +214,11 @@ class WaitsForCoroutine(Mission):
         await robot.until(arrived)  # type: ignore[arg-type] # what a user has got wrong
 
 
+class WaitsForTruth(Mission):
+    async def run(self, robot: Robot) -> None:
+        await robot.until(robot.now() > 100.0)  # type: ignore[arg-type] # what a user has got wrong
+
+
 class WaitsForNoNumber(Mission):
     async def run(self, robot: Robot) -> None:
         await robot.until(lambda: False, timeout_s=math.nan)

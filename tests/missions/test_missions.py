@@ -164,13 +164,18 @@ def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other(caplog: pytest
     [
         ("AwaitsAnything", "RuntimeError: no running event loop"),
         ("GoesNowhere", "ValueError: "),
-        ("UsesOther", "after() of UsesOther 2"),
+        (
+            "UsesOther",
+            "MisuseError: the handle of robot 2 was awaited elsewhere; a script may await its own handle only",
+        ),
         ("Exits", "SystemExit: 7"),
         ("Cancels", "CancelledError: "),
         (
             "WaitsForCoroutine",
             "TypeError: the condition of until is a coroutine, allowed: a function that is not async",
         ),
+        ("WaitsForTruth", "TypeError: the condition of until is False, allowed: a function, "),
+        ("WaitsForTruth", "`lambda: `"),
         ("WaitsForNoNumber", "ValueError: timeout_s is nan, allowed: "),
         ("TriesInHalves", "ValueError: tries is 1.5, allowed: a whole number from 1 to "),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from dataclasses import replace
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from soter.errors import IllFormedModule
 from soter.rta import DecisionModule, RTAModule, Situation, Timing
+from soter.rta.module import no_answer
 from soter.sdk import Controller
 from soter.stack.collision import Separation
 from soter.stack.static_rules import Fence
@@ -49,6 +51,25 @@ def test_a_rule_that_cannot_be_asked(asked: str, answer: object, monkeypatch: py
 
     monkeypatch.setattr(Above, asked, answers)
     assert "it fails when it is evaluated" in str(refusal(module()))
+
+
+def test_p3_an_edge_margin_that_is_no_number_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Above, "edge_margin", lambda *_: math.nan)
+    error = refusal(module())
+    assert error.condition == "P3"
+    assert "edge_margin of Above returns nan" in error.why
+    assert "only nan" not in error.why
+
+
+def test_what_fails_is_named_with_the_line_of_foreign_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> float:
+        return float(json.loads("{"))
+
+    line = fails.__code__.co_firstlineno + 1
+    monkeypatch.setattr(Above, "edge_margin", fails)
+    assert refusal(module()).why.endswith(f" (test_check.py, line {line})")
+    monkeypatch.setattr(Above, "margin", fails)
+    assert no_answer(Above(1.0), Situation(1, At(0.0), 0.0)).endswith(f" (test_check.py, line {line})")
 
 
 @pytest.mark.parametrize("delta_s", [0.0, -0.1, math.nan, math.inf])
