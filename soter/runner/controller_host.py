@@ -156,8 +156,21 @@ class ControllerHost:
         except KeyboardInterrupt:
             raise
         except BaseException as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
-            cause = f"{driver.name} failed: {account_of(failure)}{line_in(driver.file, failure)}{denied(failure)}"
+            cause = f"{driver.name} failed: {account_of(failure)}{line_in(driver.file, failure)}"
+            cause += _not_begun(driver.controller, failure) or denied(failure)
             logger.error("%s: %s", driver.whose, cause)
             self.failures.update(dict.fromkeys(driver.robot_ids, cause))
         finally:
             self.current_handler = None
+
+
+def _not_begun(controller: Controller, failure: BaseException) -> str:
+    """Return, as the end of a message, that a failure comes of a `begin` that does not call its base's; else empty."""
+    begin = type(controller).begin
+    if type(failure) is not AttributeError or failure.obj is not controller or begin is Controller.begin:
+        return ""
+    if failure.name not in ("arena", "random"):
+        return ""
+    code = getattr(begin, "__code__", None)
+    place = f" ({Path(code.co_filename).name}, line {code.co_firstlineno})" if code is not None else ""
+    return f"; its `begin`{place} has to call super().begin(arena), which sets it"

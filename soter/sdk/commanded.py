@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Final
 
 from soter.clock import VehicleClock
-from soter.errors import RobotUnavailable
+from soter.errors import RobotUnavailable, account_of, raised_at
 from soter.onboard.command import Command, GoalMessage, Report
 from soter.sdk.capabilities import Capabilities
 from soter.sdk.goal import Goal
@@ -45,6 +45,7 @@ class CommandedRobot(Robot):
         self.__report: Report | None = None
         self.__heard = 0
         self.__dropped = 0
+        self.__undecoded = ""
         self.__ready = False
         self.__changed: Final = threading.Condition()
 
@@ -71,18 +72,27 @@ class CommandedRobot(Robot):
         """Take a message of the robot, as soon as it arrives, in the thread that received it."""
         received_s = self.__clock.steady_s()
         try:
-            report = self._decode(message)
+            report = self.__decoded(message)
             if report.robot != self.id:
                 raise ValueError(f"it is of robot {report.robot}, at the address of robot {self.id}")
         except Exception as failure:  # noqa: BLE001 - a bug in `_decode` must not end the thread that hears all robots
             # Until a valid message comes, the robot's sample ages and its link goes down.
             self.__dropped += 1
             if self.__dropped == 1:
-                logger.warning("robot %d: a message that makes no sense was dropped: %r", self.id, failure)
+                words = account_of(failure) + raised_at(failure)
+                logger.warning("robot %d: a message that makes no sense was dropped: %s", self.id, words)
             return
         self.__hear(report, received_s)
         with self.__changed:
             self.__changed.notify_all()
+
+    def __decoded(self, message: bytes) -> Report:
+        """Return the report in a message; note why there is none."""
+        try:
+            return self._decode(message)
+        except Exception as failure:
+            self.__undecoded = account_of(failure) + raised_at(failure)
+            raise
 
     def __hear(self, report: Report, received_s: float) -> None:
         before = self.__report
@@ -197,6 +207,11 @@ class CommandedRobot(Robot):
 
     def __refusal(self, timeout_s: float) -> str:
         latest = self.__latest
+        if latest is None and not self.__heard and self.__undecoded:
+            return (
+                f"{self.__dropped} messages came within {timeout_s:g} s, and none could be decoded; the last that could "
+                f"not: {self.__undecoded}; what `_decode` raises drops the message"
+            )
         if latest is None:
             return (
                 f"{self.__heard} reports were heard within {timeout_s:g} s; is its process running, and is its address "

@@ -23,8 +23,10 @@ WRONG: list[tuple[str, str]] = [
     ("seed = 1\nseed = 2\n", "m.toml:3: not valid TOML: Cannot overwrite a value (column 9)"),
     (
         'mission = "a.py"\n[mission]\nvisits = 1\n',
-        'm.toml:3: not valid TOML: Cannot overwrite a value (column 9); mission = "NAME" is short for [mission] with '
-        'use = "NAME": write only the table',
+        (
+            'm.toml:3: not valid TOML: Cannot overwrite a value (column 9); mission = "NAME" is short for [mission] '
+            'with use = "NAME": write only the table'
+        ),
     ),
     ("x = [\n", "m.toml: not valid TOML: Invalid value (at end of document)"),
     ("x = " + 5000 * "[", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),

@@ -68,6 +68,17 @@ class Raises(Fails):
         raise ZeroDivisionError("of two")
 
 
+class NoSuper(Wanders):
+    def begin(self, arena):
+        self.began = True
+
+
+class NoSuperYet(NoSuper):
+    def begin(self, arena):
+        self.arena.random("me")
+        super().begin(arena)
+
+
 class Unspeakable(BaseException):
     def __repr__(self):
         raise self
@@ -321,6 +332,15 @@ def test_one_that_raises_is_told_with_its_line_and_one_that_returns_nonsense_wit
     cause = run_mission(mission(folder, "Raises", duration_s=2.0)).result.failed_robots[2]
     assert cause == f"Raises failed: ZeroDivisionError('of two') (own.py, line {line})"
     assert "line" not in run_mission(mission(folder, "GivesPairs", duration_s=2.0)).result.failed_robots[2]
+
+
+@pytest.mark.parametrize("name", ["NoSuper", "NoSuperYet"])
+def test_one_whose_begin_does_not_call_its_bases_is_told_to(folder: Path, name: str) -> None:
+    found = OWN.splitlines().index(f"class {name}({'Wanders' if name == 'NoSuper' else 'NoSuper'}):")
+    failed = run_mission(mission(folder, name, duration_s=1.0)).result.failed_robots
+    assert set(failed) == {1, 2}
+    assert all("super().begin(arena)" in cause for cause in failed.values())
+    assert all(f"`begin` (own.py, line {found + 2})" in cause for cause in failed.values())
 
 
 @pytest.mark.parametrize(("name", "handler"), [("Hangs", "step"), ("HangsHearing", "hear")])

@@ -166,7 +166,7 @@ def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other(caplog: pytest
         ("GoesNowhere", "ValueError: "),
         (
             "UsesOther",
-            "MisuseError: the handle of robot 2 was awaited elsewhere; a script may await its own handle only",
+            "MisuseError: the handle of robot 2 was awaited elsewhere; a script may await its own",
         ),
         ("Exits", "SystemExit: 7"),
         ("Cancels", "CancelledError: "),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -252,6 +253,27 @@ def test_a_robot_that_cannot_be_had_says_why(changed: Callable[[Report], Report]
         robot.init(1.0)
     robot.close(1.0)
     assert robot.released
+
+
+def test_messages_that_cannot_be_decoded_are_counted_and_told_with_the_line(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def decode(self: Rig, message: bytes) -> Report:
+        return Report.decode(mesage)  # type: ignore[name-defined]  # noqa: F821 - what a user has got wrong
+
+    monkeypatch.setattr(Rig, "_decode", decode)
+    robot = Rig()
+    with pytest.raises(RobotUnavailable) as refusal:
+        robot.init(1.0)
+    where = f"(test_commanded.py, line {decode.__code__.co_firstlineno + 1})"
+    found = re.search(r"(\d+) messages came within 1 s, and none could be decoded", str(refusal.value))
+    assert found is not None
+    assert int(found[1]) >= 10
+    assert "NameError" in str(refusal.value)
+    assert where in str(refusal.value)
+    assert "address" not in str(refusal.value)
+    assert [where in line for line in caplog.messages] == [True]
+    robot.close(1.0)
 
 
 def test_a_robot_that_seems_to_move_as_its_noise_has_it_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
