@@ -41,6 +41,7 @@ from soter.config.tables import (
     Targets,
 )
 from soter.errors import ConfigError
+from soter.geometry.draft import Spot
 from soter.geometry.reading import read_workspace
 from soter.geometry.site import Site
 from soter.geometry.site_toml import RobotTable, StationTable
@@ -195,8 +196,8 @@ class MissionFile(Table):
             phi_safer_m=self.rta.obstacle.phi_safer_m,
             spacing_m=self.rta.collision.phi_safer_m,
             body_radius_m=self._least_radius_m,
-            stations=[each.spot(number) for number, each in enumerate(self.station, start=1)],
-            starts=[each.spot() for each in self.start],
+            stations=[self._given_at("station", n, each.spot(n + 1)) for n, each in enumerate(self.station)],
+            starts=[self._given_at("start", n, each.spot()) for n, each in enumerate(self.start)],
         )
         problems = []
         ids = [place.id for place in workspace.robots]
@@ -225,6 +226,11 @@ class MissionFile(Table):
         if problems:
             raise config_error(problems, self.source)
         return workspace if count is None else workspace.with_robots(count)
+
+    def _given_at(self, table: str, number: int, spot: Spot) -> Spot:
+        """Return a station or start with the place in this file that has it."""
+        problem = self._problem(f"{table}.{number}", "")
+        return replace(spot, line=problem.line, source=problem.source or self.source)
 
     def _misplaced(self, ids: Sequence[int]) -> list[Problem]:
         """Return the problems with the assignment of robots to processes."""

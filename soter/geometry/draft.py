@@ -60,6 +60,7 @@ class Spot:
         heading_rad: heading of a start.
         side_m: side of a station, which is square.
         line: its line in the file, if known.
+        source: where it was given, if not in the file of the workspace.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Spot:
     heading_rad: float = 0.0
     side_m: float = STATION_SIDE_M
     line: int | None = None
+    source: str | None = None
 
 
 @dataclass(slots=True)
@@ -95,9 +97,9 @@ class Draft:
     map: GridMap | None = None
     problems: list[Problem] = field(default_factory=list)
 
-    def note(self, name: str, message: str, line: int | None = None) -> None:
-        """Note a problem of a feature."""
-        self.problems.append(Problem(message, name, line))
+    def note(self, name: str, message: str, line: int | None = None, source: str | None = None) -> None:
+        """Note a problem of a feature; `source` is where it was given, if not in this file."""
+        self.problems.append(Problem(message, name, line, source))
 
     def add(self, outline: Outline, holes: Sequence[Sequence[Point]], *, fence: bool) -> None:
         """Add an outer boundary, whose holes become keep-outs, or a keep-out, which must not have any."""
@@ -191,7 +193,8 @@ def site_of(
 
 def _stop(draft: Draft) -> None:
     if draft.problems:
-        raise config_error(draft.problems, draft.source)
+        elsewhere = {each.source for each in draft.problems}
+        raise config_error(draft.problems, elsewhere.pop() or draft.source if len(elsewhere) == 1 else draft.source)
 
 
 def _check_size(draft: Draft) -> None:
@@ -272,18 +275,19 @@ def _robots(draft: Draft, *, inhabited: bool) -> tuple[RobotPlace, ...]:
     stations, starts = draft.stations, draft.starts
     for spot in (*stations, *starts):
         if not (math.isfinite(spot.x_m) and math.isfinite(spot.y_m)):
-            draft.note(spot.name, "a coordinate is not a finite number", spot.line)
+            draft.note(spot.name, "a coordinate is not a finite number", spot.line, spot.source)
         elif max(abs(spot.x_m), abs(spot.y_m)) > MAX_COORDINATE_M:
             draft.note(
                 spot.name,
                 f"({spot.x_m:g}, {spot.y_m:g}) is too far away, allowed: at most {MAX_COORDINATE_M:g} m",
                 spot.line,
+                spot.source,
             )
         if not MIN_STATION_M <= spot.side_m <= MAX_COORDINATE_M:
             allowed = (
                 f"at least {MIN_STATION_M:g} m" if spot.side_m < MIN_STATION_M else f"at most {MAX_COORDINATE_M:g} m"
             )
-            draft.note(spot.name, f"it is {spot.side_m:g} m wide, allowed: {allowed}", spot.line)
+            draft.note(spot.name, f"it is {spot.side_m:g} m wide, allowed: {allowed}", spot.line, spot.source)
     if not stations and inhabited:
         draft.note(
             "stations",
@@ -317,10 +321,13 @@ def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float
     needed_m = phi_safer_m + SLACK_M
     starts = [(f"start of robot {place.id}", (place.x_m, place.y_m)) for place in site.robots]
     stations = [(f"charging station of robot {place.id}", place.charger.centre) for place in site.robots]
-    for spots in (starts, stations):
+    for spots, given in ((starts, draft.starts or draft.stations), (stations, draft.stations)):
         for index, (name, at) in enumerate(spots):
+            line, source = given[index].line, given[index].source
             if not site.contains(*at):
-                draft.note(name, f"({at[0]:g}, {at[1]:g}) lies {-site.fence_m(*at):.3f} m outside of the fence")
+                draft.note(
+                    name, f"({at[0]:g}, {at[1]:g}) lies {-site.fence_m(*at):.3f} m outside of the fence", line, source
+                )
                 continue
             clearance_m = site.clearance_m(*at, body_radius_m)
             if clearance_m < needed_m - _ROUNDING_M:
@@ -332,6 +339,8 @@ def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float
                     name,
                     f"the body (radius {body_radius_m:g} m) at ({at[0]:g}, {at[1]:g}) is {floor_m(clearance_m)} m from "
                     f"'{_nearest_area(site, at)}'; allowed: at least {needed_m:g} m; {where}",
+                    line,
+                    source,
                 )
             for other, there in spots[:index]:
                 if (apart_m := math.dist(at, there)) < spacing_m - _ROUNDING_M:
@@ -339,6 +348,8 @@ def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float
                         name,
                         f"it is {floor_m(apart_m)} m from the {other}, allowed: at least "
                         f"{spacing_m:g} m between centres",
+                        line,
+                        source,
                     )
 
 

@@ -209,8 +209,8 @@ class CommandedRobot(Robot):
         latest = self.__latest
         if latest is None and not self.__heard and self.__undecoded:
             return (
-                f"{self.__dropped} messages came within {timeout_s:g} s, and none could be decoded; the last that could "
-                f"not: {self.__undecoded}; what `_decode` raises drops the message"
+                f"{self.__dropped} messages came within {timeout_s:g} s, and none could be decoded; of the last one "
+                f"`_decode` made {self.__undecoded}"
             )
         if latest is None:
             return (

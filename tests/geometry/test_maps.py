@@ -329,6 +329,24 @@ def test_the_mission_says_where_stations_are_in_a_map(tmp_path: Path) -> None:
         read_workspace(EXAMPLES.parent / "surveillance.xml", stations=stations)
 
 
+def test_a_station_of_the_mission_is_blamed_on_the_mission(tmp_path: Path) -> None:
+    map_ = written(tmp_path)
+    file = tmp_path / "office.toml"
+    file.write_text(
+        f'workspace = "{map_.name}"\n\n[[station]]\nx_m = 15.0\ny_m = -17.0\n\n[[station]]\nx_m = 11.7\ny_m = -15.2\n'
+        "[[start]]\nid = 1\nx_m = 15.0\ny_m = -17.0\n[[start]]\nid = 2\nx_m = 14.0\ny_m = -16.0\n"
+    )
+    with pytest.raises(ConfigError) as refusal:
+        load_mission(file).read_workspace()
+    assert (refusal.value.source, refusal.value.line) == (str(file), 7)
+    assert refusal.value.key == "charging station of robot 2"
+    with pytest.raises(ConfigError) as refusal:
+        load_mission(file, {"start": [{"id": n, "x_m": 11.7, "y_m": -15.2} for n in (1, 2)]}).read_workspace()
+    assert f"{file}:7: charging station of robot 2: " in str(refusal.value)
+    assert "command line: start of robot 1: " in str(refusal.value)
+    assert "command line: start of robot 2: " in str(refusal.value)
+
+
 def test_the_shipped_map_is_a_workspace_that_is_written_down_and_drawn() -> None:
     made = load_mission(EXAMPLES / "flat-patrol.toml").read_workspace()
     assert isinstance(made, Site)
