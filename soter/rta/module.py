@@ -314,7 +314,7 @@ class RTAModule:
                 self.name,
                 "P3",
                 f"edge_margin of {type(phi_safe).__name__} returns {edge} for phi_safer, a "
-                f"{type(self.phi_safer).__name__}; it has to return the least margin of phi_safe inside of it, in {unit}",
+                f"{type(self.phi_safer).__name__}; it has to return the least margin of phi_safe in it, in {unit}",
             )
         needed = reach + noise + self.keep
         remedy, instead = "no phi_safer", ""
