@@ -219,5 +219,5 @@ def _caption(result: RunResult) -> Caption:
 
 def _margin_text(margin: float) -> str:
     if math.isnan(margin):
-        return "not a number"
+        return "NaN"
     return "-" if margin == math.inf else f"{margin:.3f}"

@@ -275,7 +275,9 @@ def _rules(result: RunResult) -> Iterator[Rule]:
 
     for rule, count in (result.violations or {}).items():
         margin = (result.min_margin or {}).get(rule, math.inf)
-        yield Rule(rule, f"{count} ×", "-" if margin == math.inf else _precise(rule, margin), broken=count > 0)
+        # A column of a picture has no room for "not a number".
+        least = "NaN" if math.isnan(margin) else "-" if margin == math.inf else _precise(rule, margin)
+        yield Rule(rule, f"{count} ×", least, broken=count > 0)
 
 
 def _time(seconds: float) -> str:

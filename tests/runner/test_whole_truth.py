@@ -79,7 +79,7 @@ def test_a_margin_that_fails_in_mid_run_is_a_violation_that_is_told_of(
         assert result.min_margin["geofence"] > 0.0
         shown = {row.name.strip(): row.value for row in rows(result)[0]}
         assert shown["zone-speed"] == "1, least margin not a number"
-        assert {rule.name: rule.margin for rule in caption(result, 0.3).rules}["zone-speed"] == "not a number"
+        assert {rule.name: rule.margin for rule in caption(result, 0.3).rules}["zone-speed"] == "NaN"
     truth = of_page(make_page(read.recording)).document["truth"]
     assert (truth["margins"]["zone-speed"], truth["counts"]["zone-speed"]) == (None, 1)
     assert make_beside([read.recording]).count("<td>not a number</td>") == 1
