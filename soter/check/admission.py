@@ -91,9 +91,9 @@ def refused_at(
     if highest is not None:
         fits = math.floor(highest * 100.0) / 100.0
         why += f"; or backends.{mission.backend}.speedup = {fits:g}, not {most:g}"
-    return IllFormedModule(
-        failure.module, failure.condition, f"{why}; `soter check` says which figures would do together"
-    )
+    # Where code has failed no figures would do.
+    hint = "; `soter check` says which figures would do together" if "would do" in why else ""
+    return IllFormedModule(failure.module, failure.condition, f"{why}{hint}")
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def check_all(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
                     module.name,
                     "A13",
                     f"its rule cannot be judged where robot {robot_id} starts, at ({each.place.x_m:g}, "
-                    f"{each.place.y_m:g}): {why}; a margin that is a number there would do",
+                    f"{each.place.y_m:g}): {why}; it has to return a number there",
                 )
             if region is not None and (margin := margin_of(region, begins)) < 0.0:
                 raise IllFormedModule(
@@ -217,7 +217,7 @@ def check_all(mission: MissionFile, declared: Mapping[int, Declared]) -> None:
                     module.name,
                     "P2b",
                     f"it keeps robot {robot_id} from its AC while all robots charge: with each on its station the "
-                    f"margin of phi_safer fails: {why}; a margin that is a number there would do",
+                    f"margin of phi_safer fails: {why}; it has to return a number there",
                 )
             if (margin := margin_of(safer, docked)) < 0.0:
                 raise IllFormedModule(
