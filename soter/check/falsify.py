@@ -217,9 +217,9 @@ def _p2b(subject: ModuleBench, valid: Sequence[Attempt], figures: dict[str, floa
         "driven_to_charge": charge,
     }
     text = f"{len(returns)} return{'s' if len(returns) > 1 else ''} to phi_safer, the longest after {longest:.1f} s"
+    # A robot that is driven home in spite of its safe controller says nothing for that controller.
+    alone = any(Way.ITSELF in trial.ways for trial in valid)
     if home:
-        # A robot that is driven home in spite of its safe controller says nothing for that controller.
-        alone = any(Way.ITSELF in trial.ways for trial in valid)
         text = (
             f"{home} of {text}, came only once the robot had stood for lets_go_s = {lets_go_s:g} s and SOTER drove it "
             f"home (A16): its own controller did not bring it back{'' if alone else ', and did so in no other trial'}"
@@ -227,6 +227,9 @@ def _p2b(subject: ModuleBench, valid: Sequence[Attempt], figures: dict[str, floa
         return Finding(name, "P2b", Certainty.PARTLY if alone else Certainty.REJECTED, text, figures)
     if charge:
         text += f"; in {charge} of them it had to charge, and was driven home after lets_go_s = {lets_go_s:g} s (P2c)"
+        if not alone:
+            text += ", and its own controller brought it back in no trial"
+            return Finding(name, "P2b", Certainty.ASSUMED, text, figures)
     elif longest > lets_go_s:
         text += f"; the {lets_go_s:g} s of P2c count only while a robot stands, or has to charge"
     return Finding(name, "P2b", Certainty.TESTED, text, figures)

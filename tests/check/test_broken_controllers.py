@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from pathlib import Path
+from typing import Final, cast
 
 import pytest
 
 from soter.check import node_failures
-from soter.check.bench import floor_bench
+from soter.check.bench import ModuleBench, floor_bench
 from soter.check.conditions import Certainty, Finding
 from soter.check.falsify import falsify
 from soter.check.mission import check_mission
+from soter.check.trial import Attempt, Vector, Way
 from soter.config import load_mission
 from soter.errors import IllFormedModule
 from soter.rta import Node, Situation
 from tests.check import planted
 from tests.project.source import ROOT
+
+RIGHT: Final = floor_bench("tests.check.planted:right")
 
 
 def tried(name: str, budget: int = 16) -> dict[str, Finding]:
@@ -87,6 +92,30 @@ def test_one_that_comes_back_by_itself_but_takes_long_is_tested_and_its_contract
     assert told.verdict is Certainty.TESTED
     assert told.figures["driven_home"] == 0
     assert "; the 4 s of P2c count only while a robot stands, or has to charge" in told.text
+
+
+@pytest.mark.parametrize(
+    ("ways", "verdict"),
+    [
+        ([{Way.CHARGE}, {Way.ITSELF}], Certainty.TESTED),
+        ([{Way.CHARGE}, set()], Certainty.ASSUMED),
+        ([{Way.CHARGE}, {Way.HOME}], Certainty.REJECTED),
+        ([{Way.ITSELF}, {Way.HOME}], Certainty.PARTLY),
+        ([set(), set()], Certainty.TESTED),
+    ],
+)
+def test_a_robot_that_had_to_charge_says_nothing_for_its_controller(ways: list[set[Way]], verdict: Certainty) -> None:
+    class Bench:
+        module, own_start, dimensions = RIGHT.module, None, 1
+        left = itertools.cycle(ways)
+
+        def run(self, vector: Vector) -> Attempt:
+            return Attempt(True, 0.1, 40.0, 20.0, driven=True, ways=frozenset(next(self.left)))
+
+    findings, _ = falsify(cast("ModuleBench", Bench()), 4, 1)
+    told = next(each for each in findings if each.condition == "P2b")
+    assert told.verdict is verdict
+    assert ("had to charge" in told.text) is ({Way.CHARGE} in ways and verdict is not Certainty.REJECTED)
 
 
 def test_an_ac_in_the_place_of_the_safe_controller_is_refused_without_a_trial() -> None:
