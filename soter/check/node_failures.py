@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import logging
 import os
-import sysconfig
-import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from soter.errors import account_of
+from soter.errors import account_of, raised_at
 from soter.rta import Node
 
 _SOTER: Final = f"{Path(__file__).parents[1]}{os.sep}"
-_LIBRARIES: Final = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
 
 
 class Collector(logging.Handler):
@@ -48,11 +45,7 @@ def told(failure: BaseException, node: Node) -> str:
 
     What is wrong with what a node published is found outside it: then its `step` is named.
     """
-    seen = [(each.filename, each.lineno) for each in traceback.extract_tb(failure.__traceback__)]
-    step = getattr(type(node).step, "__code__", None)
-    if step is not None:
-        seen.insert(0, (step.co_filename, step.co_firstlineno))
-    theirs = [place for place in seen if Path(place[0]).is_file() and not place[0].startswith(_SOTER)]
-    own = [place for place in theirs if not place[0].startswith(_LIBRARIES)] or theirs
-    where = f" ({Path(own[-1][0]).name}, line {own[-1][1]})" if own else ""
+    where, step = raised_at(failure), getattr(type(node).step, "__code__", None)
+    if not where and step is not None and not step.co_filename.startswith(_SOTER):
+        where = f" ({Path(step.co_filename).name}, line {step.co_firstlineno})"
     return account_of(failure) + where
