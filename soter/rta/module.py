@@ -309,7 +309,8 @@ class RTAModule:
         if edge - noise - self.keep - reach >= -_ROUNDING:
             return
         unit = phi_safe.unit
-        if math.isnan(edge):
+        # Only NaN is not.
+        if not edge <= math.inf:
             raise IllFormedModule(
                 self.name,
                 "P3",
