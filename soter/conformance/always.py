@@ -104,7 +104,11 @@ class Always:
         if recent and state.stamp_s <= recent[-1].stamp_s:
             return
         recent.append(state)
-        if len(recent) <= 2 * _AROUND or any(
+        if len(recent) <= 2 * _AROUND:
+            return
+        # Nearly always the sample is like the one before it: this runs at every look.
+        off_m_s = abs(_speed_m_s(recent[_AROUND]) - _speed_m_s(recent[_AROUND - 1]))
+        if off_m_s <= _EVEN * _ALONE * robot.capabilities.v_max_m_s or any(
             (each.goal_id, each.controller) != (state.goal_id, state.controller) for each in recent
         ):
             return

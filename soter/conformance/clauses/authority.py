@@ -10,7 +10,7 @@ from soter.conformance.trials import Shuttle, Trial, measure_braking
 from soter.sdk import Controller, GoalStatus, Robot
 
 _TWO = 2
-_SILENT_S = 15.0
+_SILENT_S = 12.0
 _ALTERNATIONS = 1000
 _CHECKED = 100
 _HAND_OVERS_IN_PROCESS = 60

@@ -20,7 +20,7 @@ _STEP_AGE_S = 0.1
 _CHARGE = 0.02
 _OFF_RAD = 0.1
 _AWAY = 0.1
-_TURNS_S, _DRIFTS_S = 1.0, 12.0
+_TURNS_S, _DRIFTS_S = 1.0, 8.0
 _EVEN = 0.85
 _SLOW = 0.2
 # Vehicle times at whose multiples a counter of few digits or bits wraps, and the counter.
