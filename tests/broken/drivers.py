@@ -192,7 +192,7 @@ DRIVERS: Final[tuple[type[Broken], ...]] = (
            "authority.effective", "after a switch", _hand_over=_ramps_down, _connect=with_control(_softly)),
     edited("LogsGoals", "Opens a file at each goal, and closes it with the robot.", "endurance.minute",
            "not closed", _send_goto=_logs, _disconnect=_closes_logs),
-    sampled("AveragesAll", "Keeps every sample to average over.", "endurance.minute", "ever longer", _averages),
+    sampled("AveragesAll", "Keeps every sample to average over.", "endurance.minute", "are kept", _averages),
     sampled("HeightDrifts", "Has a height that drifts by 2 mm a second, as by air pressure.", "deadman.wraps", "height",
             lambda _, s: s._replace(z_m=0.002 * s.stamp_s)),
     sampled("LastGoodCharge", "Keeps the last charge where the gauge gives none below 10 %.", "truth.state.charge",
