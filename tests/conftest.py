@@ -57,7 +57,11 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A test marked with a library's name is skipped where the library is missing."""
+    """Skip tests marked with the name of a library that is missing, and begin with the long ones.
+
+    Otherwise one worker is left with them when all others are done.
+    """
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
     for name in OPTIONAL_LIBRARIES:
         if is_installed(name):
             continue

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Final
 
 from soter.rta import Sample, Situation
@@ -34,6 +35,12 @@ _ALIGNED_RAD: Final = 0.35
 _ALIGNED_COS: Final = math.cos(_ALIGNED_RAD)
 _ALIGNED_SIN: Final = math.sin(_ALIGNED_RAD)
 _DIRECTIONS: Final = tuple((math.cos(k * math.pi / 8), math.sin(k * math.pi / 8)) for k in range(16))
+
+
+def _best_first(score: Callable[[float, float], float], least: float) -> list[Point]:
+    """Return the directions that score more than `least`: to certify legs against users' rules takes long."""
+    scored = sorted(((score(*each), each) for each in _DIRECTIONS), key=itemgetter(0), reverse=True)
+    return [each for value, each in scored if value > least]
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,13 +278,11 @@ class RecoveryPlanner:
         own = situation.own
         length = self.leg_m(situation.age_s)
         anywhere = not leads_back(own.x_m, own.y_m)
-        best, chosen = 0.1, None
-        for ux, uy in _DIRECTIONS:
-            score = ux * score_x + uy * score_y
+        for ux, uy in _best_first(lambda ux, uy: ux * score_x + uy * score_y, 0.1):
             bx, by = own.x_m + ux * length, own.y_m + uy * length
-            if score > best and self.certify(situation, bx, by) >= 0.0 and (anywhere or leads_back(bx, by)):
-                best, chosen = score, (ux, uy)
-        return self._go(situation, chosen, length)
+            if self.certify(situation, bx, by) >= 0.0 and (anywhere or leads_back(bx, by)):
+                return self._go(own, ux, uy, length)
+        return self.hold(situation)
 
     def climb(self, situation: Situation) -> Leg | None:
         """Return the certified leg at whose end the least static margin is largest, or None to hold at the top."""
@@ -288,12 +293,12 @@ class RecoveryPlanner:
             fence_m = terrain.fence_m(x_m, y_m) if self.rules.fence else math.inf
             return min(fence_m, terrain.clearance_m(x_m, y_m) if self.rules.boxes else math.inf)
 
-        best, chosen = height(own.x_m, own.y_m) + _CLIMB_M, None
-        for ux, uy in _DIRECTIONS:
-            bx, by = own.x_m + ux * length, own.y_m + uy * length
-            if height(bx, by) > best and self.certify(situation, bx, by) >= 0.0:
-                best, chosen = height(bx, by), (ux, uy)
-        return self._go(situation, chosen, length)
+        for ux, uy in _best_first(
+            lambda ux, uy: height(own.x_m + ux * length, own.y_m + uy * length), height(own.x_m, own.y_m) + _CLIMB_M
+        ):
+            if self.certify(situation, own.x_m + ux * length, own.y_m + uy * length) >= 0.0:
+                return self._go(own, ux, uy, length)
+        return self.hold(situation)
 
     def moves(self, own: Sample) -> bool:
         """Return whether a robot moves, judged by its reported speed."""
@@ -321,13 +326,10 @@ class RecoveryPlanner:
             return False
         return not self.rules.boxes or terrain.segment_clearance_m(ax_m, ay_m, bx_m, by_m, needed) >= needed
 
-    def _go(self, situation: Situation, direction: Point | None, length_m: float) -> Leg | None:
-        if direction is None:
-            return self.hold(situation)
-        own = situation.own
-        if self._must_stop_first(own, *direction):
+    def _go(self, own: Sample, ux: float, uy: float, length_m: float) -> Leg | None:
+        if self._must_stop_first(own, ux, uy):
             return None
-        return self._leg(own, own.x_m + direction[0] * length_m, own.y_m + direction[1] * length_m, *direction)
+        return self._leg(own, own.x_m + ux * length_m, own.y_m + uy * length_m, ux, uy)
 
     def _must_stop_first(self, own: Sample, ux: float, uy: float) -> bool:
         """Return whether the robot moves in another direction than the leg's, and would come to rest off the leg.

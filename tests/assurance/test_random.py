@@ -9,6 +9,7 @@ from soter.campaign.job import Done, Job, carry_out
 SHORT_S = 6.0
 
 
+@pytest.mark.long
 def test_what_is_accepted_keeps_every_rule_by_both_judges(monkeypatch: pytest.MonkeyPatch) -> None:
     # So many trials of users' modules as a run makes would take longer than all the rest.
     monkeypatch.setattr("soter.check.mission.BUDGET", 8)

@@ -152,6 +152,7 @@ def test_workers_that_die_lose_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     assert [row.status for row in others] == ["done", "done"]
 
 
+@pytest.mark.long
 def test_killed_again_and_again_it_is_what_it_would_have_been(tmp_path: Path) -> None:
     path = write(tmp_path, {"seeds": {"count": 10}})
     store = tmp_path / "killed.sqlite"

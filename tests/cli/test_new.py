@@ -43,6 +43,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_its_own_tests_pass(package: Path) -> None:
     words = (sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider")
     done = subprocess.run(words, cwd=package, env=found_in(package), capture_output=True, text=True)

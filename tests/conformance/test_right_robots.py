@@ -68,6 +68,7 @@ def cautious() -> type[Broken]:
     [noisy(False, 0.03, 0.02, 0.03), noisy(True, 0.005, 0.02, 0.01), cautious()],
     ids=["noisy", "drifts", "cautious"],
 )
+@pytest.mark.long
 def test_a_robot_that_keeps_what_it_promises_conforms(kind: type[Broken]) -> None:
     record = judge(SimulatedHarness(kind))
     assert [each.reason for each in record.outcomes if each.verdict is Verdict.FAIL] == []
@@ -169,6 +170,7 @@ class Unlike(InProcessHarness):
     ],
     ids=["slow", "weak brakes", "slow to gain speed", "strong and slow to turn"],
 )
+@pytest.mark.long
 def test_a_robot_of_any_speed_and_strength_conforms(promised: Mapping[str, Any]) -> None:
     harness = Unlike("unlike", KinematicBackend)
     harness.promised = replace(KinematicRobot.declared, **promised)

@@ -124,6 +124,7 @@ def test_every_adversary_does_its_worst_from_two_processes(name: str, sites: lis
     assert failed == ({1, 2} if name == "raises" else set())
 
 
+@pytest.mark.long
 def test_real_processes_drive_their_robots_by_a_controller_in_a_file(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(
         "from soter import Controller, Waypoint\n\n\n"

@@ -32,7 +32,7 @@ from tests.record.helpers import (
 from tests.waiting import gone, wait_until
 
 FOR_EVER = ("--backend", "kinematic", "--planner", "straight-line", "--duration", "1e6")
-MOMENTS_S = [random.Random(f"moment {number}").uniform(0.05, 1.5) for number in range(20)]
+MOMENTS_S = [random.Random(f"moment {number}").uniform(0.05, 1.5) for number in range(10)]
 LATEST_S = 1.0
 
 

@@ -14,6 +14,7 @@ from tools.distribution import HOLDS_WITHIN_S, Found
 from tools.distribution_hosts import Proxy, make_hosts
 
 
+@pytest.mark.long
 def test_a_robot_that_is_cut_off_and_its_peer_hold_and_go_on(tmp_path: Path) -> None:
     given = distribution.parse(
         ["--before-s", "1.5", "--cut-s", "2.5", "--after-s", "10", "--targets", "uniform", "--seed", "3"]
