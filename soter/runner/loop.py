@@ -209,7 +209,8 @@ class Loop:
         self.metrics.begin(began_s)
         supervisor, metrics, trace, robots = self.safety.supervisor, self.metrics, self.trace, self.robots
         charging, recorder, session, watchdog = self.safety.charging, self.recorder, self.session, self.watchdog
-        truth = self.truth
+        # The world's own judgement goes on by itself.
+        own_rules = self.truth if self.truth is not None and self.truth.judges_own_rules else None
         last = round(self.mission.duration_s / base_tick_s)
         shown_s = -math.inf
         look_ticks = 1 if self.wall_clock else _LOOK_TICKS
@@ -245,9 +246,9 @@ class Loop:
                 follower.pace(self.ticks * base_tick_s)
             if lost := self.fleet.lost():
                 raise RunFailed(lost)
-            if truth is not None:
+            if own_rules is not None:
                 watchdog.phase = _JUDGING
-                truth.look(clock.now(), self.robots)
+                own_rules.look(clock.now(), robots)
                 watchdog.phase = None
             if follower.falls_of:
                 self._follow(follower.falls_of, clock.now())

@@ -24,12 +24,14 @@ class WholeTruth:
 
     Attributes:
         rules: the names of all rules.
+        judges_own_rules: whether there are any of the user's own; if not, `look` does nothing.
     """
 
     def __init__(self, truth: Truth, own: UserRules) -> None:
         self._truth: Final = truth
         self._own: Final = own
         self.rules: Final = (*RULES, *own.names)
+        self.judges_own_rules: Final = bool(own.names)
         self._no_number: Final[dict[str, float]] = {}
 
     def look(self, now_s: float, robots: Iterable[RobotSupervisor]) -> None:

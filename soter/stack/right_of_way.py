@@ -229,7 +229,7 @@ class RightOfWay:
         """Find the robots on their way to charge; return whether there are any."""
         homing = self._homing
         for robot_id, robot in robots.items():
-            battery = self._modules(robot).battery
+            battery = None if robot.mode is AC else self._modules(robot).battery
             wants = battery is not None and battery.mode is SC and now_s - battery.since_s > SETTLED_S
             if not wants or self._docked(robot):
                 homing.pop(robot_id, None)
@@ -275,6 +275,9 @@ class RightOfWay:
         The robot that has waited longest comes first; a robot that is held itself has no peers held.
         """
         waits = [(robot_id, wait) for robot_id, each in robots.items() if (wait := self._wait(now_s, each)) is not None]
+        if not waits:
+            self._held = {}
+            return
         held: dict[int, str] = {}
         for robot_id, wait in sorted(waits, key=lambda each: each[1].since_s):
             if robot_id in held or int((now_s - wait.since_s) / WAIT_S) % 4 == 0:
@@ -296,10 +299,12 @@ class RightOfWay:
 
     def _wait(self, now_s: float, robot: RobotSupervisor) -> _Wait | None:
         """Return since when modules other than the battery's have kept a robot from its AC; None if they do not."""
-        battery = self._modules(robot).battery
-        charges = battery is not None and battery.mode is SC
-        kept_by = () if robot.mode is AC or charges else [each for each in robot.modules if each.mode is SC]
-        if not kept_by or robot.ac_failure:
+        kept_by: Sequence[DecisionModule] = ()
+        if robot.mode is SC and not robot.ac_failure:
+            battery = self._modules(robot).battery
+            if battery is None or battery.mode is AC:
+                kept_by = [each for each in robot.modules if each.mode is SC]
+        if not kept_by:
             self._waits.pop(robot.robot_id, None)
             return None
         # A module in SC since it was bound has not waited for another robot yet.

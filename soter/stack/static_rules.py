@@ -124,16 +124,18 @@ class Clearance(Region):
         if not terrain.convex:
             # Straight inwards may not lead away from everything near, and a single box may be several pieces.
             return margin - keep >= fall
-        x, y = own.x_m, own.y_m
-        fence_m = terrain.fence_m(x, y) if self.fenced else math.inf
-        if fence_m < self.path_m:
+        x, y, path_m = own.x_m, own.y_m, self.path_m
+        # As by `fence_m`; this is asked at every decision.
+        open_x, open_y = path_m <= x <= terrain.width_m - path_m, path_m <= y <= terrain.depth_m - path_m
+        if self.fenced and not (open_x and open_y):
             # Near the fence the robot first drives inwards, so there must be room for its body there, too.
-            margin = min(margin, terrain.clearance_m(*terrain.inside(x, y, self.path_m)) - self.least_m)
+            margin = min(margin, terrain.clearance_m(*terrain.inside(x, y, path_m)) - self.least_m)
         if margin - keep >= fall:
             return True
+        fence_m = terrain.fence_m(x, y) if self.fenced else math.inf
         # Beside a single box in the open it can drive straight away from it, wherever the AC has taken it.
         others = sorted(clearance for clearance, _, _ in terrain.walls(x, y))[1:2]
-        return min([fence_m, *(clearance - self.least_m for clearance in others)]) >= 2.0 * self.path_m + fall
+        return min([fence_m, *(clearance - self.least_m for clearance in others)]) >= 2.0 * path_m + fall
 
     def threats(self, situation: Situation) -> list[Threat]:
         own = situation.own

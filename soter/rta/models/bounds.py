@@ -32,7 +32,8 @@ class SpeedBound(Motion):
         return self.v_max_m_s * time_s + self.stop_m
 
     def admits(self, before: Sample, after: Sample, noise_m: float) -> bool:
-        allowed_m = self._allowed_m(before, after, noise_m)
+        # As `_allowed_m`; this is called for every sample.
+        allowed_m = self.v_max_m_s * (after.stamp_s - before.stamp_s) + 2.0 * noise_m + ROUNDING_M
         dx, dy = after.x_m - before.x_m, after.y_m - before.y_m
         return allowed_m >= 0.0 and dx * dx + dy * dy <= allowed_m * allowed_m
 
