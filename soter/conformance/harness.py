@@ -272,8 +272,11 @@ class Harness(ABC):
         """Let a person take the robot from SOTER and stop it, as by a switch on it or at another ground station."""
         raise NotImplementedError
 
-    def intrude(self, robot_id: int, seconds: float) -> None:
-        """Have another program move the robot past its supervisor, again and again for some time; return at once."""
+    def intrude(self, robot_id: int, seconds: float, turns: bool) -> None:
+        """Have another program move the robot past its supervisor, again and again for some time; return at once.
+
+        It drives the robot or, if `turns`, only turns it.
+        """
         raise NotImplementedError
 
     def garble(self, fraction: float) -> None:

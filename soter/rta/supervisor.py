@@ -306,7 +306,8 @@ class RobotSupervisor:
         withheld = self._refused or self._disowned or situation.age_s > self._heard_within_s + ROUNDING_S
         if not withheld:
             self._attempt(self.actuator.renew)
-        self._stop.lease(situation.now_s, situation.own, withheld=self._refused or withheld)
+            withheld = self._refused
+        self._stop.lease(situation.now_s, situation.own, withheld)
         self._refused = False
 
     def _hand_over(self, module: str, cause: str) -> None:

@@ -212,6 +212,13 @@ class Loop:
         # The world's own judgement goes on by itself.
         own_rules = self.truth if self.truth is not None and self.truth.judges_own_rules else None
         last = round(self.mission.duration_s / base_tick_s)
+        show, pace, falls_of, stop, lost = (
+            follower.show,
+            follower.pace,
+            follower.falls_of,
+            follower.stop,
+            self.fleet.lost,
+        )
         shown_s = -math.inf
         look_ticks = 1 if self.wall_clock else _LOOK_TICKS
         for tick in range(last):
@@ -234,25 +241,25 @@ class Loop:
             metrics.tick(now_s, tick, late_s, robots, charging)
             if recorder is not None:
                 recorder.tick(now_s, tick)
-            if follower.show is not None and tick % look_ticks == 0:
+            if show is not None and tick % look_ticks == 0:
                 # From here on there is time until the next tick.
                 wall_s = time.perf_counter()
                 if wall_s - shown_s >= follower.every_s:
                     shown_s = wall_s
-                    follower.show(self._progress(wall_s - start_s))
+                    show(self._progress(wall_s - start_s))
             clock.sleep_until(began_s + (tick + 1) * base_tick_s)
             self.ticks = watchdog.ticks = tick + 1
-            if follower.pace is not None:
-                follower.pace(self.ticks * base_tick_s)
-            if lost := self.fleet.lost():
-                raise RunFailed(lost)
+            if pace is not None:
+                pace(self.ticks * base_tick_s)
+            if cause := lost():
+                raise RunFailed(cause)
             if own_rules is not None:
                 watchdog.phase = _JUDGING
                 own_rules.look(clock.now(), robots)
                 watchdog.phase = None
-            if follower.falls_of:
-                self._follow(follower.falls_of, clock.now())
-            if follower.stop():
+            if falls_of:
+                self._follow(falls_of, clock.now())
+            if stop():
                 return "interrupted"
             if host.done:
                 break

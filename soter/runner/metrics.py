@@ -232,7 +232,7 @@ class Metrics:
             if robot.driver is None:
                 self._ac_ticks += 1
                 self._busy_ticks += 1
-            elif not any(module.name == BATTERY and module.mode is SC for module in robot.modules):
+            elif not _has_to_charge(robot):
                 self._busy_ticks += 1
         if tick % SAMPLE_TICKS == 0:
             self._sample(now_s, robots, charging)
@@ -282,6 +282,13 @@ class Metrics:
     def missed_ticks(self, jitter_s: float) -> int:
         """How many ticks came later than the robots' declared jitter allows."""
         return int(np.count_nonzero(np.frombuffer(self._late_s) > jitter_s + _ROUNDING_S))
+
+
+def _has_to_charge(robot: RobotSupervisor) -> bool:
+    for module in robot.modules:
+        if module.name == BATTERY:
+            return module.mode is SC
+    return False
 
 
 def counts(counter: Mapping[str, int], names: Sequence[str]) -> dict[str, int]:

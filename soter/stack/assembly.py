@@ -210,6 +210,7 @@ def assemble(
     homes = [(each, docks[each.robot_id], batteries.get(each.robot_id)) for each in supervisors]
 
     def before_decisions(now_s: float, bound: Mapping[int, RobotSupervisor]) -> None:
+        waits = False
         for supervisor, dock, battery in homes:
             own = supervisor.situation.own
             dock.path.track(own.x_m, own.y_m)
@@ -217,8 +218,12 @@ def assemble(
                 in_sc = battery.mode is SC
                 # All modules begin in SC: for a while, that does not mean that the battery's module has fired.
                 dock.begins = in_sc and battery.cause == STARTS and not now_s - battery.since_s > _BEGINS_S
-                dock.wants_charge = in_sc and not dock.begins
-        contracts.look(now_s, bound, docks)
+                dock.wants_charge = wants = in_sc and not dock.begins
+                waits = waits or wants
+        if waits:
+            contracts.look(now_s, bound, docks)
+        else:
+            contracts.rest()
         charges.look(now_s, bound, docks)
         right_of_way.update(now_s, bound)
 

@@ -23,6 +23,10 @@ class ContractMonitor:
         self._moving_m_s: Final = moving_m_s
         self._since_s: dict[int, float] = {}
 
+    def rest(self) -> None:
+        """Note that no robot has to charge."""
+        self._since_s.clear()
+
     def look(self, now_s: float, robots: Mapping[int, RobotSupervisor], docks: Mapping[int, Dock]) -> None:
         """Log every safe controller that has kept its robot standing for longer than its contract allows."""
         for robot_id, robot in robots.items():
@@ -35,7 +39,7 @@ class ContractMonitor:
                 or math.hypot(own.vx_m_s, own.vy_m_s) > self._moving_m_s[robot_id]
                 or dock.docked(robot.situation)
             ):
-                self._since_s[robot_id] = now_s
+                self._since_s.pop(robot_id, None)
                 continue
             kept_s = now_s - self._since_s.setdefault(robot_id, now_s)
             if kept_s > lets_go_s:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from typing import Any, Final
 
-from soter.sdk import Controller, Goal, RobotState
-from tests.broken.edits import driven, edited, sampled, wired
+from soter.sdk import Controller, Goal, RobotState, Waypoint
+from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import memory, once_in, with_control
@@ -20,6 +21,8 @@ _THERE_M: Final = 0.05
 _SILENT_S: Final = 10.0
 _MOVES_M_S: Final = 0.05
 _BIAS_RAD_S: Final = 0.008
+_REPORTS_S: Final = 0.5
+_SELDOM: Final = 20
 
 
 def _backs_away(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
@@ -88,6 +91,48 @@ def _sampled_with_bias(self: Any, clock_s: float, x: float, y: float, heading: f
     return Vehicle.sample(self, clock_s, x, y, drifted_rad, rate)
 
 
+def _others(quiet: bool) -> list[logging.Logger]:
+    found = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
+    return [each for each in found if each.disabled is quiet]
+
+
+def _quiets_others(self: Any, timeout_s: float) -> Any:
+    silenced = memory(self, "silenced", lambda: _others(quiet=False))
+    for each in silenced:
+        each.disabled = True
+    return Broken._connect(self, timeout_s)
+
+
+def _lets_others_speak(self: Any, timeout_s: float) -> None:
+    for each in memory(self, "silenced", list):
+        each.disabled = False
+    Broken._disconnect(self, timeout_s)
+
+
+def _by_its_larger_axis(robot: Any, target: Waypoint) -> Waypoint:
+    at = robot._honest()
+    dx_m, dy_m = target.x_m - at.x_m, target.y_m - at.y_m
+    share = max(abs(dx_m), abs(dy_m)) / (math.hypot(dx_m, dy_m) or 1.0)
+    return target if target.speed_m_s is None else target._replace(speed_m_s=target.speed_m_s / (share or 1.0))
+
+
+def _aged_by_its_clock(self: Any) -> RobotState | None:
+    state = WireRobot._sample(self)
+    if state is None or state.battery is None:
+        return state
+    report = memory(self, "report", lambda: [-math.inf, 0.0, 0.0])
+    # By which clock a report is stamped shows only when the next one has come.
+    if self.clock.now() - report[0] > _REPORTS_S:
+        report[:] = self.clock.now(), state.vehicle_stamp_s, state.battery
+    used = max(0.0, state.vehicle_stamp_s - report[1]) / self.spec.drive_s
+    return state._replace(battery=max(0.0, report[2] - used))
+
+
+def _forgets_how_often(self: Any) -> None:
+    Vehicle.restart(self)
+    self.sample_periods = _SELDOM
+
+
 OUTSIDERS: Final[tuple[type[Broken], ...]] = (
     sampled("ZerosNowAndThen", "Hands out a velocity of 0 where it could not be read, once in 97 samples.",
             "bounds.long_tube", "handed out as zeros", once_in(_MANY, vx_m_s=0.0, vy_m_s=0.0, yaw_rate_rad_s=0.0)),
@@ -98,6 +143,10 @@ OUTSIDERS: Final[tuple[type[Broken], ...]] = (
            _hand_over=_hands_over_and_is_heard),
     edited("PlansSpeedsOnce", "Keeps the speed of the leg under way for a goal that takes its place.",
            "goto.speed_cap", "planned for a leg", _send_goto=_keeps_the_speed_of_the_leg),
+    edited("QuietsOthers", "Sets up logging as it is opened, and disables all loggers that there are.", "host.shared",
+           "disable_existing_loggers", _connect=_quiets_others, _disconnect=_lets_others_speak),
+    targeted("CapsEachAxis", "Has the speed_m_s of a goal count for each axis.", "goto.speed_cap", "for each axis",
+             _by_its_larger_axis),
 )  # fmt: skip
 
 OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
@@ -106,4 +155,11 @@ OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     driven("TakesATurnForRest", "Takes the turn rate at which it is switched on again for its gyro's bias.",
            "deadman.restart", "not at rest then", control=_turning, restart=_takes_a_turn_for_rest,
            sample=_sampled_with_bias, turns_rad_s=0.0),
+    wired("SeesNoTurn", "Notices another program that drives the robot, but none that only turns it.",
+          "authority.intruded", "turns the robot",
+          intruded=lambda self: WireRobot.intruded(self) and not self.vehicle.intruder_turns),
+    wired("AgedByItsClock", "Ages the charge of the last report by the vehicle's clock.", "deadman.clock_steps",
+          "age it by steady time", _sample=_aged_by_its_clock),
+    driven("AskedOnce", "Has asked the vehicle once to say 20 times a second where it is; it forgets that with the "
+           "power.", "deadman.restart", "lost with the power", restart=_forgets_how_often),
 )  # fmt: skip

@@ -64,6 +64,7 @@ class Vehicle:
     limits: ClassVar[DriveLimits] = LIMITS
     # What is wrong with some is that their lease lives while the clock stands still that it is counted by.
     minds_its_clock: ClassVar[bool] = True
+    sample_periods = SAMPLE_PERIODS
 
     def __init__(self, spec: RobotSpec, world: World) -> None:
         self.id = spec.id
@@ -79,7 +80,7 @@ class Vehicle:
         self.drive = Drive(built(spec, self.limits), world.period_s)
         self.periods, self.stalls_until_s = 0, 0.0
         self.seized = False
-        self.intruded_until_s = 0.0
+        self.intruded_until_s, self.intruder_turns = 0.0, False
         self.begin()
         world.set_control(spec.id, self.control)
 
@@ -108,7 +109,7 @@ class Vehicle:
             self.mux.renew(-math.inf)
         goal = self.passing(clock_s)
         self.periods += 1
-        if talks and self.periods % SAMPLE_PERIODS == 0:
+        if talks and self.periods % self.sample_periods == 0:
             for line in self.up:
                 line.send(now_s, self.sample(clock_s, x, y, heading, rate))
         return self.drive.command(x, y, heading, v, rate, None if goal is None else goal.target)
@@ -391,8 +392,9 @@ class WireHarness(Harness):
     def seize(self, robot_id: int) -> None:
         self.vehicles[robot_id].seized = True
 
-    def intrude(self, robot_id: int, seconds: float) -> None:
+    def intrude(self, robot_id: int, seconds: float, turns: bool) -> None:
         self.vehicles[robot_id].intruded_until_s = self.clock.now() + seconds
+        self.vehicles[robot_id].intruder_turns = turns
 
     def _all(self, **faults: float) -> None:
         for vehicle in self.vehicles.values():

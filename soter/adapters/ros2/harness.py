@@ -19,7 +19,6 @@ from soter.adapters.ros2.graph import COMMAND, LATCHED, SENSOR, Graph
 from soter.adapters.ros2.options import Ros2Config, Ros2RobotOptions
 from soter.adapters.ros2.simulator import Domain, Ros2Simulator
 from soter.adapters.velocity_controlled.harness import (
-    INTRUDES_M_S,
     VelocityControlledHarness,
     VelocityControlledRelay,
 )
@@ -68,7 +67,7 @@ class Ros2Relay(VelocityControlledRelay):
             for topic in _TOPICS:
                 self._connect(robot_id, self._node, namespace, topic)
 
-    def intrude(self, robot_id: int, seconds: float) -> None:
+    def intrude(self, robot_id: int, seconds: float, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         # A node that publishes counts as one that may move the robot: at the end it leaves.
         said = [
             self._node.create_publisher(Twist, f"{side}{self._namespaces[robot_id]}/{CMD_VEL}", COMMAND)
@@ -83,7 +82,8 @@ class Ros2Relay(VelocityControlledRelay):
             for each in said:
                 self._node.destroy_publisher(each)
 
-        self.repeat(Line(robot_id, drive), serialize_message(Twist(linear=Vector3(x=INTRUDES_M_S))), seconds)
+        twist = Twist(linear=Vector3(x=speed_m_s), angular=Vector3(z=yaw_rate_rad_s))
+        self.repeat(Line(robot_id, drive), serialize_message(twist), seconds)
         self.say(Line(robot_id, leave), b"", after_s=seconds)
 
     def close(self) -> None:

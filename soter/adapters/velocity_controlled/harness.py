@@ -10,7 +10,8 @@ from soter.conformance import RelayedHarness
 from soter.conformance.impaired import ImpairedRelay, Line
 
 INTRUDES_M_S: Final = 0.05
-"""The speed that a program beside SOTER asks for."""
+INTRUDES_RAD_S: Final = 0.5
+"""The velocities that a program beside SOTER asks for."""
 
 _EVERY_S: Final = 0.05
 
@@ -19,7 +20,7 @@ class VelocityControlledRelay(ImpairedRelay, ABC):
     """A relay that can also say velocities which nobody has sent."""
 
     @abstractmethod
-    def intrude(self, robot_id: int, seconds: float) -> None:
+    def intrude(self, robot_id: int, seconds: float, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         """Have a program beside SOTER publish velocities for a base, past its mux, where SOTER hears them too."""
 
     def repeat(self, line: Line, message: bytes, seconds: float) -> None:
@@ -46,10 +47,10 @@ class VelocityControlledHarness(RelayedHarness):
         """Restart a robot's base and mux; the world goes on."""
         self._simulated().restart(robot_id)
 
-    def intrude(self, robot_id: int, seconds: float) -> None:
+    def intrude(self, robot_id: int, seconds: float, turns: bool) -> None:
         """Have another program publish velocities for a base, past its mux."""
         assert isinstance(self.relay, VelocityControlledRelay)
-        self.relay.intrude(robot_id, seconds)
+        self.relay.intrude(robot_id, seconds, *((0.0, INTRUDES_RAD_S) if turns else (INTRUDES_M_S, 0.0)))
 
     def _simulated(self) -> VelocityControlledSimulator:
         assert isinstance(self.simulator, VelocityControlledSimulator)

@@ -98,10 +98,6 @@ class Charge(NamedTuple):
     stamp_s: float
     level: float
 
-    def at_least(self, now_s: float, drive_per_s: float) -> float:
-        """Return the charge left at the robot's time `now_s` if the robot has driven since the report."""
-        return max(0.0, self.level - drive_per_s * max(0.0, now_s - self.stamp_s))
-
 
 def read_battery(message: Any) -> Charge | None:
     """Return the charge in a sensor_msgs/BatteryState; None if it is NaN, for not known, or not from 0 to 1."""

@@ -9,6 +9,7 @@ import time
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable
+from math import inf
 from typing import Any, ClassVar, Final, NamedTuple
 
 from soter.adapters.velocity_controlled.motion import Charge, MeasuredMotion, Pose, read_battery, read_odometry
@@ -137,7 +138,10 @@ class VelocityControlledRobot(Robot):
         self._order = Order(secrets.token_hex(4), 0, SC, None)
         self._latest: tuple[RobotState, MeasuredMotion] | None = None
         self._gate: GateReport | None = None
-        self._charge: Charge | None = None
+        self._reported: Charge | None = None
+        self._charge: float | None = None
+        # When the charge was reported, in host time: the robot's own clock may be set meanwhile.
+        self._charged_s = -inf
         # How long the robot has been heard since the oldest order that its mux has not answered; None without one.
         self._unanswered_s: float | None = None
         self._heard = 0
@@ -164,10 +168,13 @@ class VelocityControlledRobot(Robot):
             # A newer message has overtaken this one.
             return
         east_m_s, north_m_s = motion.velocity
-        gate, charge = self._gate, self._charge
-        if rebooted and charge is not None:
-            # Its stamp is by a clock that is no more.
-            self._charge = charge = charge._replace(stamp_s=motion.stamp_s)
+        gate = self._gate
+        if (reported := self._reported) is not None:
+            age_s = max(0.0, motion.stamp_s - reported.stamp_s) / self._rate
+            # No report is older than the one before it.
+            self._reported, self._charge = None, reported.level
+            self._charged_s = max(received_s - age_s, self._charged_s)
+        driven_s = self._rate * (received_s - self._charged_s)
         unanswered_s = self._unanswered_s
         if unanswered_s is not None and latest is not None:
             passed_s = max(0.0, motion.stamp_s - latest[1].stamp_s) / self._rate
@@ -186,7 +193,7 @@ class VelocityControlledRobot(Robot):
             vy_m_s=north_m_s,
             yaw_rate_rad_s=motion.turn_rad_s,
             # Batteries report seldom. In between the robot counts as driving: the next report can only be higher.
-            battery=None if charge is None else charge.at_least(motion.stamp_s, 1.0 / self.spec.drive_s),
+            battery=None if self._charge is None else max(0.0, self._charge - driven_s / self.spec.drive_s),
             controller=Controller(gate.controller) if gate is not None and ours else None,
             goal_id=self._doing.goal_id,
             link=Link.UP,
@@ -201,7 +208,7 @@ class VelocityControlledRobot(Robot):
         if charge is None:
             self._drop("a charge that is none", message.percentage)
         else:
-            self._charge = charge
+            self._reported = charge
 
     def _take_report(self, text: str) -> None:
         """Take a report of the mux."""

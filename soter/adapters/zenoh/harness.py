@@ -12,7 +12,6 @@ from typing import Final
 import zenoh
 
 from soter.adapters.velocity_controlled.harness import (
-    INTRUDES_M_S,
     VelocityControlledHarness,
     VelocityControlledRelay,
 )
@@ -63,14 +62,14 @@ class ZenohRelay(VelocityControlledRelay):
             self.close()
             raise
 
-    def intrude(self, robot_id: int, seconds: float) -> None:
+    def intrude(self, robot_id: int, seconds: float, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         voices = self._bases[robot_id]
 
         def drive(message: bytes) -> None:
             for voice in voices:
                 voice.say_bytes(message)
 
-        self.repeat(Line(robot_id, drive), encode(Twist(Vector3(x=INTRUDES_M_S))), seconds)
+        self.repeat(Line(robot_id, drive), encode(Twist(Vector3(x=speed_m_s), Vector3(z=yaw_rate_rad_s))), seconds)
 
     def close(self) -> None:
         super().close()

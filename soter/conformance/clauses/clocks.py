@@ -23,6 +23,7 @@ _AWAY = 0.1
 _TURNS_S, _DRIFTS_S = 1.0, 8.0
 _EVEN = 0.85
 _SLOW = 0.2
+_COUNTED_S, _SELDOM = 2.0, 0.4
 # Vehicle times at whose multiples a counter of few digits or bits wraps, and the counter.
 _SOON = ((60.0, "the seconds of a minute"), (65.536, "milliseconds in 16 bits"))
 # The same for clocks that can be set: both at once, and a counter that wraps only after an hour or fifty days.
@@ -152,13 +153,22 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
 
 @clause("deadman.clock_steps", tier=Tier.WIRE)
 def clock_steps(bench: Bench) -> None:
-    """After a step of the vehicle's clock, back or forth, samples are as fresh as before and the robot obeys again."""
+    """After a step of the vehicle's clock, back or forth, samples are as fresh and charged as before, and it obeys."""
     bench.require_hook("step_clock")
     robot = bench.open_one()
-    for number, seconds in enumerate((-30.0, 30.0, -0.5)):
+    for number, seconds in enumerate((-30.0, 3600.0, -0.5)):
         bench.faulty = True
+        before, began_s = robot.read_state().battery, bench.now_s
         bench.harness.step_clock(robot.id, seconds)
         bench.run(_LEARNS_S)
+        charges = [each.state.battery for each in bench.since(robot, began_s) if each.state.battery is not None]
+        most = _CHARGE + _LEARNS_S / min(robot.spec.drive_s, robot.spec.charge_s)
+        said = max(charges, key=lambda each: abs(each - (before or 0.0)), default=before)
+        bench.require(
+            before is None or said is None or abs(said - before) <= most,
+            f"the vehicle's clock stepped by {seconds:+g} s, and its charge is said to be {said:.2f} then, after "
+            f"{before or 0.0:.2f}: a report is aged by a clock that was set since; age it by steady time",
+        )
         age_s = robot.read_state().age_s(bench.now_s)
         bench.require(
             age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
@@ -242,10 +252,19 @@ def _keeps_its_heading(bench: Bench, robot: Robot) -> None:
 
 
 def _has_restarted(bench: Bench, before: RobotState, now: RobotState) -> None:
-    """Fail the clause unless samples go on, with a clock that has begun anew between two of them."""
+    """Fail the clause unless samples go on as often, with a clock that has begun anew between two of them."""
     age_s = now.age_s(bench.now_s)
+    if is_late := age_s > bench.caps.sample_age_s + _STEP_AGE_S:
+        # Where they come seldom it takes long to learn the clock that has begun anew.
+        bench.run(2.0 * _COUNTED_S)
+    often, seldom = _a_second(bench, now.robot_id, before.stamp_s), _a_second(bench, now.robot_id, bench.now_s)
     bench.require(
-        age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
+        not 0.0 < seldom < _SELDOM * often,
+        f"since the restart {seldom:g} samples come in a second, and before it {often:g} did: what was asked of the "
+        "vehicle, such as how often it says what, is lost with the power; ask again",
+    )
+    bench.require(
+        not is_late,
         f"{_LEARNS_S:.0f} s after the restart the sample is said to be {age_s:.1f} s old: the vehicle's clock has "
         "begun anew, and what it stamps is dropped as older than what came before, or dated by the old clock, which it "
         "still has the name of; or the vehicle takes whatever it is told for older than what it was told before",
@@ -256,6 +275,12 @@ def _has_restarted(bench: Bench, before: RobotState, now: RobotState) -> None:
         f"the hook 'restart' was called, and the vehicle's clock went on by {went_on_s:.1f} s as if nothing had been: "
         "the vehicle refuses to restart, or vehicle_stamp_s is by another clock than its own",
     )
+
+
+def _a_second(bench: Bench, robot_id: int, until_s: float) -> float:
+    """Return how many different samples of a robot came in a second up to a moment."""
+    seen = {each.state.stamp_s for each in bench.tracks[robot_id] if 0.0 <= until_s - each.at_s < _COUNTED_S}
+    return len(seen) / _COUNTED_S
 
 
 def _costs_the_other_nothing(bench: Bench) -> None:

@@ -27,6 +27,8 @@ from soter.conformance.figure import Failed
 from soter.conformance.wall_clock import set_by, taken_over
 from soter.sdk import Controller, Fleet, GoalStatus, Robot, Waypoint
 
+_beside: Final = logging.getLogger(f"{__name__}.beside")
+
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM)
 _SEEDS: Final = (1, 2)
 
@@ -73,6 +75,7 @@ def shared(bench: Bench) -> None:
 def _see_it_left_alone(bench: Bench, noted: list[int]) -> None:
     socket.setdefaulttimeout(None)
     gc.enable()
+    _beside.disabled = False
     before, threads = _settings(), {*threading.enumerate()}
     robot = bench.open_one()
     robot.goto(bench.place(robot, 0.2), Controller.AC)
@@ -117,6 +120,8 @@ def _settings() -> dict[str, object]:
         "gc.disable()": gc.isenabled(),
         "locale.setlocale()": locale.setlocale(locale.LC_ALL),
         "logging.disable()": logging.root.manager.disable,
+        "logging.basicConfig()": (logging.root.level, [*logging.root.handlers]),
+        "logging.config, which disables loggers unless it is told disable_existing_loggers=False,": _beside.disabled,
     }
 
 

@@ -118,8 +118,15 @@ def intruded(bench: Bench) -> None:
     """While another program moves a robot past SOTER its renew_lease() raises Intruder; later the robot obeys again."""
     bench.require_hook("intrude")
     robot = bench.open_one()
+    for turns in (False, True):
+        _see_it_noticed(bench, robot, turns)
+
+
+def _see_it_noticed(bench: Bench, robot: Robot, turns: bool) -> None:
+    """Judge a robot that another program drives, or only turns."""
+    moves, what = ("turns", "that only turns it") if turns else ("moves", "that drives it")
     bench.faulty = True
-    bench.harness.intrude(robot.id, _NOTICED_S + _INTRUDED_S)
+    bench.harness.intrude(robot.id, _NOTICED_S + _INTRUDED_S, turns)
     bench.run(_NOTICED_S, renew=False)
     raised = renewed = 0
 
@@ -135,12 +142,12 @@ def intruded(bench: Bench) -> None:
     bench.run(_INTRUDED_S - 0.5, try_to_renew, renew=False)
     bench.require(
         renewed <= raised / _RAISED_TIMES,
-        f"another program moves the robot past its supervisor, and {renewed} of {renewed + raised} calls of "
+        f"another program {moves} the robot past its supervisor, and {renewed} of {renewed + raised} calls of "
         "renew_lease() renew the lease: nobody learns that the robot is not SOTER's; raise Intruder as long as that "
         "program goes on, by the clock that it was heard by",
     )
     bench.run(0.5 + _NOTICED_S, renew=False)
-    bench.go(robot, bench.place(robot, 0.5), cause="another program that moved it is gone, and it obeys no more")
+    bench.go(robot, bench.place(robot, 0.5), cause=f"another program {what} is gone, and it obeys no more")
 
 
 def _renews(robot: Robot) -> bool:

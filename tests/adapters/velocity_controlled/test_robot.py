@@ -109,6 +109,42 @@ def test_a_mux_that_answers_no_more_says_nothing_of_who_is_in_charge(robot: Fake
     assert renewed(robot, 13.3) is Controller.SC
 
 
+def later(robot: Fake, seconds: float, clock_s: float, percentage: float | None = None) -> float | None:
+    """Let time pass, hear odometry by a clock that is `clock_s` ahead by then, and return the charge."""
+    for _ in range(10):
+        robot.host.now_s += 0.1 * seconds
+        robot.hear(490.0 + robot.host.now_s + clock_s, percentage=percentage)
+    return robot.read_state().battery
+
+
+@pytest.mark.parametrize("clock_s", [0.0, 3600.0, -30.0])
+def test_between_two_reports_a_battery_is_taken_to_be_driving_whatever_its_clock_does(clock_s: float) -> None:
+    robot = Fake(Host())
+    robot.hear(500.0)
+    robot.init(1.0)
+    drive_s = robot.spec.drive_s
+    assert later(robot, 10.0, 0.0) == pytest.approx(0.5 - 10.0 / drive_s)
+    assert later(robot, 10.0, clock_s) == pytest.approx(0.5 - 20.0 / drive_s)
+    assert later(robot, 1.0, clock_s, percentage=0.4) == 0.4
+    assert later(robot, 2.0 * drive_s, clock_s) == 0.0
+
+
+def test_a_charge_that_was_reported_before_the_robot_was_there_has_aged(robot: Fake) -> None:
+    robot = Fake(Host())
+    stamp = SimpleNamespace(sec=400, nanosec=0)
+    robot._take_battery(SimpleNamespace(header=SimpleNamespace(stamp=stamp), percentage=0.5))
+    robot.hear(500.0, percentage=None)
+    robot.init(1.0)
+    assert robot.read_state().battery == pytest.approx(0.5 - 100.0 / robot.spec.drive_s)
+
+
+def test_a_report_on_its_way_while_the_clock_is_set_is_no_older_than_the_one_before(robot: Fake) -> None:
+    later(robot, 1.0, 3600.0)
+    stamp = SimpleNamespace(sec=501, nanosec=0)
+    robot._take_battery(SimpleNamespace(header=SimpleNamespace(stamp=stamp), percentage=0.5))
+    assert later(robot, 1.0, 3600.0) == pytest.approx(0.5 - 2.0 / robot.spec.drive_s)
+
+
 def test_a_link_that_was_silent_is_no_dead_mux(robot: Fake) -> None:
     robot.has_mux = False
     renewed(robot, 10.5)
@@ -202,14 +238,13 @@ def test_what_was_overtaken_on_its_way_is_left_out(robot: Fake) -> None:
     assert robot.discarded == 0
 
 
-def test_after_a_reboot_a_battery_that_is_silent_counts_as_driving_from_then_on(robot: Fake) -> None:
+def test_over_a_reboot_a_battery_that_is_silent_counts_as_driving(robot: Fake) -> None:
     for stamp_s in (3.0, 3.1, 3.2, 3.3, 3.4, 3.5, 3.6, 3.7, 3.8, 3.9):
         robot.host.now_s += 0.1
         robot.hear(stamp_s, percentage=None)
     robot.host.now_s += 60.0
     robot.hear(63.9, percentage=None)
-    left = 0.5 - 60.0 / robot.spec.drive_s
-    assert robot.read_state().battery == pytest.approx(left, abs=0.5 / robot.spec.drive_s)
+    assert robot.read_state().battery == pytest.approx(0.5 - 61.0 / robot.spec.drive_s)
 
 
 def test_what_makes_no_sense_is_counted_and_said_once(robot: Fake, caplog: pytest.LogCaptureFixture) -> None:
