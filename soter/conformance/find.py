@@ -95,6 +95,12 @@ def find_harness(name: str | Given) -> Harness:
         target = getattr(load_backend(name.backend), "harness", None)
         between = None if target is None else getattr(_load(target), "between", None)
         return GivenHarness(name) if between is None else GivenHarness(name, between)
+    harness = _harness_of(name)
+    harness.found_as = name
+    return harness
+
+
+def _harness_of(name: str) -> Harness:
     if ":" in name:
         found = _load(name)
         if not (isinstance(found, type) and issubclass(found, Backend)):

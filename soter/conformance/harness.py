@@ -106,6 +106,7 @@ class Harness(ABC):
 
     Attributes:
         name: what reports call the adapter.
+        found_as: what it was found by, so that other processes find it, too; set by the kit.
         room_m: the side of the free square around every robot's start pose, in which the kit may drive it; at least
             2 m, more for robots that need more than 0.3 m to stop or to get up to speed: clauses that fail in too small
             a room say what would do. Rooms of two robots do not overlap.
@@ -130,6 +131,7 @@ class Harness(ABC):
     """
 
     name: str
+    found_as: str = ""
     room_m: float = 2.0
     leg_m: float = 0.0
     charges_at_start: bool = False

@@ -8,11 +8,12 @@ import time
 from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import TICK_S
+from soter.conformance.repeated import STRAIGHT_BEHIND, digests
 from soter.errors import Unsupported
 from soter.sdk import Capabilities, Controller, GoalStatus, RobotState
 
 _PAUSE_S = 1.2
-_WAYS = ((0.5, 0.2), (-0.1, 0.4))
+_WAYS = (STRAIGHT_BEHIND, (0.5, 0.2), (-0.1, 0.4))
 _U_TURNS = ((0.4, 0.4), (-0.4, -0.4)) * 4
 """For a target straight behind, a robot may turn to either side: each leg gives chance a choice."""
 
@@ -75,7 +76,7 @@ def unsupported(bench: Bench) -> None:
 
 @clause("capabilities.deterministic", needs=("deterministic",))
 def deterministic(bench: Bench) -> None:
-    """Where declared, the same calls on two fresh fleets give the same samples, bit for bit, however slow the host."""
+    """Where declared, the same calls on fresh fleets give the same samples, bit for bit, in any process and host."""
     runs: list[tuple[RobotState, ...]] = []
     for pauses in (False, True):
         robot = bench.open_one()
@@ -93,3 +94,10 @@ def deterministic(bench: Bench) -> None:
         f"two runs of the same calls agree in {same} of {len(runs[0])} samples only: host time, an unseeded random "
         "number or state left from the run before got in; or declare deterministic=False",
     )
+    if bench.caps.in_process and bench.harness.found_as:
+        unlike = len(set(digests(bench.harness.found_as))) - 1
+        bench.require(
+            not unlike,
+            f"the same calls give the same samples again in this process, and others in {unlike} of some others: the "
+            "order of a set got in, or the hash of a text, which each process of Python chooses anew; sort it",
+        )
