@@ -29,6 +29,7 @@ _EVEN, _ALONE = 0.25, 0.5
 _HARDER, _GOT_ON = 3.0, 0.75
 
 _BAD_LINK: Final = "while the link is bad"
+_SEAM: Final = "next to pi, where headings begin anew"
 _TOO_FAST: Final = {
     _BAD_LINK: "speeds are made of two places and the time that should lie between them, whatever was lost or late",
     "": "it keeps what it promises in most that it does, and not in what it was driven for here: a limit that does not "
@@ -40,14 +41,15 @@ _LONE: Final = (
 )
 _CAUSES: Final[dict[str, dict[str, str]]] = {
     "v_max_m_s": _TOO_FAST,
-    "yaw_rate_max_rad_s": _TOO_FAST,
+    "yaw_rate_max_rad_s": {_SEAM: "it is a difference of headings, and leaps there: take that from -pi to pi"}
+    | _TOO_FAST,
     "speed_noise_m_s": {"": _LONE},
     "position_noise_m": {
         "while it moves": "samples are of an older place than their stamp says, or of a smoothed or foreseen one",
         "": "places are off at rest, too: another frame, unit or origin, another robot's place, or a count that drifts",
     },
     "heading_noise_rad": {
-        "next to pi, where headings begin anew": "a filter, a mean or an interpolation takes pi and -pi for far apart",
+        _SEAM: "a filter, a mean or an interpolation takes pi and -pi for far apart",
         "while it moves": "samples are of an older heading than their stamp says, or of a smoothed or foreseen one",
         "": "headings are off at rest, too: the sign, unit or zero of another frame, or turn rates that are added up",
     },
@@ -78,8 +80,12 @@ class Always:
         link = {_BAD_LINK} if bench.faulty else set[str]()
         noise_m_s = 0.002 + (caps.speed_noise_m_s or 0.02 * caps.v_max_m_s)
         self._keep("v_max_m_s", _speed_m_s(state), _FASTER * caps.v_max_m_s + noise_m_s, robot, link)
-        rate_rad_s = caps.yaw_rate_max_rad_s
-        self._keep("yaw_rate_max_rad_s", abs(state.yaw_rate_rad_s), _TURNS * rate_rad_s + _TURNS_RAD_S, robot, link)
+        rate_rad_s, seam = (
+            caps.yaw_rate_max_rad_s,
+            {_SEAM} if math.pi - abs(state.heading_rad) < _SEAM_RAD else set[str](),
+        )
+        turns_rad_s = abs(state.yaw_rate_rad_s)
+        self._keep("yaw_rate_max_rad_s", turns_rad_s, _TURNS * rate_rad_s + _TURNS_RAD_S, robot, link | seam)
         if not bench.faulty:
             self._note_lone(robot, state, noise_m_s)
         truth = bench.fleet.truth
@@ -94,7 +100,7 @@ class Always:
         off_m, off_rad = math.dist((x_m, y_m), state[3:5]), abs(turn(heading_rad, state.heading_rad))
         when = set() if caps.rests(state) else {"while it moves"}
         if math.pi - abs(heading_rad) < _SEAM_RAD:
-            when.add("next to pi, where headings begin anew")
+            when.add(_SEAM)
         self._keep("position_noise_m", off_m, may_be_m + caps.v_max_m_s * age_s, robot, when)
         self._keep("heading_noise_rad", off_rad, may_be_rad + rate_rad_s * age_s, robot, when)
 

@@ -210,8 +210,10 @@ class Bench(Judging):
             leap_m = sample.distance_m(last.x_m, last.y_m)
             most_m = most_m_s * (sample.at_s - last.at_s + caps.jitter_s) + 4.0 * caps.position_noise_m + _MISREAD_M
             if not leap_m <= most_m:
+                charges = (sample.state.battery or 0.0) > (last.state.battery or 1.0)
                 self.fail(
                     f"from one sample to the next it leapt by {leap_m:.2f} m in {sample.at_s - last.at_s:.2f} s: "
+                    f"{'as its charge rises its place is set anew, to the charger; or ' * charges}"
                     "samples of another robot, or a number that is misread now and then"
                 )
 

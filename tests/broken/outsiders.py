@@ -109,6 +109,22 @@ def _lets_others_speak(self: Any, timeout_s: float) -> None:
     Broken._disconnect(self, timeout_s)
 
 
+def _at_the_charger(robot: Any, state: RobotState) -> RobotState:
+    """Take the place where charging began for the middle of a charger, a quarter of a metre away."""
+    before = memory(robot, "charge", lambda: [state.battery, 0.0])
+    if state.battery != before[0]:
+        before[:] = state.battery, 0.25 if (state.battery or 0.0) > (before[0] or 0.0) else 0.0
+    return state._replace(x_m=state.x_m + before[1])
+
+
+def _turns_by_difference(robot: Any, state: RobotState) -> RobotState:
+    before = memory(robot, "before", lambda: [state, 0.0])
+    passed_s = state.stamp_s - before[0].stamp_s
+    if passed_s > 0.0:
+        before[:] = state, (state.heading_rad - before[0].heading_rad) / passed_s
+    return state._replace(yaw_rate_rad_s=before[1])
+
+
 def _by_its_larger_axis(robot: Any, target: Waypoint) -> Waypoint:
     at = robot._honest()
     dx_m, dy_m = target.x_m - at.x_m, target.y_m - at.y_m
@@ -145,6 +161,10 @@ OUTSIDERS: Final[tuple[type[Broken], ...]] = (
            "goto.speed_cap", "planned for a leg", _send_goto=_keeps_the_speed_of_the_leg),
     edited("QuietsOthers", "Sets up logging as it is opened, and disables all loggers that there are.", "host.shared",
            "disable_existing_loggers", _connect=_quiets_others, _disconnect=_lets_others_speak),
+    sampled("SetAtTheCharger", "Sets its place anew when its charge begins to rise, to where it has a charger.",
+            "state.charge", "to the charger", _at_the_charger),
+    sampled("TurnsByDifference", "Takes the difference of two headings for its turn rate, through pi as well.",
+            "goto.wakes", "from -pi to pi", _turns_by_difference),
     targeted("CapsEachAxis", "Has the speed_m_s of a goal count for each axis.", "goto.speed_cap", "for each axis",
              _by_its_larger_axis),
 )  # fmt: skip
