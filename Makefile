@@ -5,9 +5,9 @@
 
 VENV := .venv/bin
 # Processes that run the tests, more than cores because many tests wait for a wire; with 0 they run in the order of the files, in one process.
-WORKERS ?= 6
-# Tests of ROS 2 measure times on a wire: no more at once than keep the cores busy.
-ROS2_WORKERS ?= 3
+WORKERS ?= 5
+# Tests of ROS 2 mostly wait, and run beside the others.
+ROS2_WORKERS ?= 2
 # Tests start hundreds of processes, each of which would compile all of SOTER anew.
 unexport PYTHONDONTWRITEBYTECODE
 PYTHON_FOLDERS = $(wildcard soter sim tests examples benchmarks tools)
@@ -23,8 +23,13 @@ demo: ## Ten simulated minutes of the surveillance mission, a picture of them, a
 .PHONY: test
 test: ## Every deterministic test; without PYTEST_ARGS those of ROS 2 too
 	@tools/env.sh test
+ifdef PYTEST_ARGS
 	$(VENV)/python -m pytest -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
-	$(if $(PYTEST_ARGS),,@$(MAKE) --no-print-directory test-ros2)
+else
+	@$(MAKE) --no-print-directory test-ros2 >.venv/ros2-tests.txt 2>&1 & ros2=$$!; \
+	$(VENV)/python -m pytest -n $(WORKERS) --dist worksteal; failed=$$?; \
+	wait $$ros2 || failed=$$?; cat .venv/ros2-tests.txt; exit $$failed
+endif
 
 .PHONY: test-ros2
 test-ros2: ## The tests of ROS 2, over real DDS on this host, in an environment of their own
