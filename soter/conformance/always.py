@@ -80,12 +80,10 @@ class Always:
         link = {_BAD_LINK} if bench.faulty else set[str]()
         noise_m_s = 0.002 + (caps.speed_noise_m_s or 0.02 * caps.v_max_m_s)
         self._keep("v_max_m_s", _speed_m_s(state), _FASTER * caps.v_max_m_s + noise_m_s, robot, link)
-        rate_rad_s, seam = (
-            caps.yaw_rate_max_rad_s,
-            {_SEAM} if math.pi - abs(state.heading_rad) < _SEAM_RAD else set[str](),
-        )
-        turns_rad_s = abs(state.yaw_rate_rad_s)
-        self._keep("yaw_rate_max_rad_s", turns_rad_s, _TURNS * rate_rad_s + _TURNS_RAD_S, robot, link | seam)
+        rate_rad_s = caps.yaw_rate_max_rad_s
+        seam = {_SEAM} if math.pi - abs(state.heading_rad) < _SEAM_RAD else set[str]()
+        turns_rad_s, most_rad_s = abs(state.yaw_rate_rad_s), _TURNS * rate_rad_s + _TURNS_RAD_S
+        self._keep("yaw_rate_max_rad_s", turns_rad_s, most_rad_s, robot, link | seam)
         if not bench.faulty:
             self._note_lone(robot, state, noise_m_s)
         truth = bench.fleet.truth

@@ -212,13 +212,8 @@ class Loop:
         # The world's own judgement goes on by itself.
         own_rules = self.truth if self.truth is not None and self.truth.judges_own_rules else None
         last = round(self.mission.duration_s / base_tick_s)
-        show, pace, falls_of, stop, lost = (
-            follower.show,
-            follower.pace,
-            follower.falls_of,
-            follower.stop,
-            self.fleet.lost,
-        )
+        show, pace, stop = follower.show, follower.pace, follower.stop
+        falls_of, lost = follower.falls_of, self.fleet.lost
         shown_s = -math.inf
         look_ticks = 1 if self.wall_clock else _LOOK_TICKS
         for tick in range(last):

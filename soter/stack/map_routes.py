@@ -41,7 +41,9 @@ def map_roads(field: Field, away_m: float, inset_m: float) -> tuple[Floats, Indi
 
     away_m = max(away_m, 0.0)
     parts = _parts(_free(field, away_m, inset_m))
-    where = ndimage.find_objects(parts)
+    # Types of the library differ: there is a part of each number, so none is None.
+    found: Any = ndimage.find_objects(parts)
+    where: Sequence[tuple[slice, ...]] = found
     nodes = [_roomiest(field, parts, number, each) for number, each in enumerate(where, start=1)]
 
     def seen(pairs: Sequence[tuple[Corner, Corner]]) -> NDArray[np.bool_]:
