@@ -343,6 +343,7 @@ def test_what_no_process_of_a_mission_could_begin_with_is_refused(
         assert "mission.toml" not in done.output, "the command line is to blame"
 
 
+@pytest.mark.pybullet
 def test_a_map_of_more_boxes_than_pybullet_takes_is_refused_before_a_world_is_built(tmp_path: Path) -> None:
     cells = np.where(np.random.default_rng(1).random((300, 300)) < 0.2, 0, 254).astype(np.uint8)
     cells[:60, :60] = 254  # north-west: room for a station

@@ -88,8 +88,6 @@ def test_an_adapter_that_is_dead_costs_seconds_a_clause(kind: type[Broken]) -> N
     ids=["kinematic", "pybullet-core", "pybullet-truth"],
 )
 @pytest.mark.long
-# Other tests run beside them.
-@pytest.mark.timeout(360)
 def test_the_reference_adapter_passes_every_core_and_truth_clause(
     engine: str, only: tuple[str, ...], tiers: tuple[Tier, ...], least: int
 ) -> None:
