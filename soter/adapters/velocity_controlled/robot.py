@@ -139,7 +139,7 @@ class VelocityControlledRobot(Robot):
         self._latest: tuple[RobotState, MeasuredMotion] | None = None
         self._gate: GateReport | None = None
         self._reported: Charge | None = None
-        self._charge: float | None = None
+        self._charge: Charge | None = None
         # When the charge was reported, in host time: the robot's own clock may be set meanwhile.
         self._charged_s = -inf
         # How long the robot has been heard since the oldest order that its mux has not answered; None without one.
@@ -171,9 +171,11 @@ class VelocityControlledRobot(Robot):
         gate = self._gate
         if (reported := self._reported) is not None:
             age_s = max(0.0, motion.stamp_s - reported.stamp_s) / self._rate
-            # No report is older than the one before it.
-            self._reported, self._charge = None, reported.level
-            self._charged_s = max(received_s - age_s, self._charged_s)
+            charged_s = received_s - age_s
+            if self._charge is not None and reported.stamp_s >= self._charge.stamp_s:
+                # It is no older than the one before it, even if the clock was set while it was on its way.
+                charged_s = max(charged_s, self._charged_s)
+            self._reported, self._charge, self._charged_s = None, reported, charged_s
         driven_s = self._rate * (received_s - self._charged_s)
         unanswered_s = self._unanswered_s
         if unanswered_s is not None and latest is not None:
@@ -193,7 +195,7 @@ class VelocityControlledRobot(Robot):
             vy_m_s=north_m_s,
             yaw_rate_rad_s=motion.turn_rad_s,
             # Batteries report seldom. In between the robot counts as driving: the next report can only be higher.
-            battery=None if self._charge is None else max(0.0, self._charge - driven_s / self.spec.drive_s),
+            battery=None if self._charge is None else max(0.0, self._charge.level - driven_s / self.spec.drive_s),
             controller=Controller(gate.controller) if gate is not None and ours else None,
             goal_id=self._doing.goal_id,
             link=Link.UP,

@@ -27,6 +27,7 @@ from soter.conformance.figure import Failed
 from soter.conformance.wall_clock import set_by, taken_over
 from soter.sdk import Controller, Fleet, GoalStatus, Robot, Waypoint
 
+# A logger of somebody else's, as far as adapters know.
 _beside: Final = logging.getLogger(f"{__name__}.beside")
 
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM)

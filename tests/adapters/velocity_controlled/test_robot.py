@@ -145,6 +145,13 @@ def test_a_report_on_its_way_while_the_clock_is_set_is_no_older_than_the_one_bef
     assert later(robot, 1.0, 3600.0) == pytest.approx(0.5 - 2.0 / robot.spec.drive_s)
 
 
+def test_a_report_that_comes_late_has_aged_since_it_was_made(robot: Fake) -> None:
+    later(robot, 100.0, 0.0, percentage=0.4)
+    stamp = SimpleNamespace(sec=500, nanosec=0)
+    robot._take_battery(SimpleNamespace(header=SimpleNamespace(stamp=stamp), percentage=0.5))
+    assert later(robot, 1.0, 0.0) == pytest.approx(0.5 - 101.0 / robot.spec.drive_s)
+
+
 def test_a_link_that_was_silent_is_no_dead_mux(robot: Fake) -> None:
     robot.has_mux = False
     renewed(robot, 10.5)
