@@ -6,8 +6,9 @@ library.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from soter.lazy import lazily
 
 __version__ = "0.1.0"
 
@@ -23,21 +24,23 @@ if TYPE_CHECKING:
     from soter.sdk import Backend, Capabilities, Waypoint
     from soter.stack.module_kit import ModuleKit
     from soter.stack.static_rules import Fence
-
-_HOMES = {
-    "soter.config": ("load_mission",),
-    "soter.controllers": ("Controller", "Velocity", "VelocityController"),
-    "soter.errors": ("ConfigError", "IllFormedModule", "SoterError"),
-    "soter.interactive": ("FinishedRun", "run"),
-    "soter.missions": ("Mission", "Robot"),
-    "soter.registry": ("load_backend",),
-    "soter.rta": ("Node", "PairBound", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
-    "soter.runner": ("Run", "RunResult", "run_mission"),
-    "soter.sdk": ("Backend", "Capabilities", "Waypoint"),
-    "soter.stack.module_kit": ("ModuleKit",),
-    "soter.stack.static_rules": ("Fence",),
-}
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+else:
+    __getattr__ = lazily(
+        __name__,
+        {
+            "soter.config": ("load_mission",),
+            "soter.controllers": ("Controller", "Velocity", "VelocityController"),
+            "soter.errors": ("ConfigError", "IllFormedModule", "SoterError"),
+            "soter.interactive": ("FinishedRun", "run"),
+            "soter.missions": ("Mission", "Robot"),
+            "soter.registry": ("load_backend",),
+            "soter.rta": ("Node", "PairBound", "RTAModule", "Region", "Situation", "SpeedBound", "Timing", "Topic"),
+            "soter.runner": ("Run", "RunResult", "run_mission"),
+            "soter.sdk": ("Backend", "Capabilities", "Waypoint"),
+            "soter.stack.module_kit": ("ModuleKit",),
+            "soter.stack.static_rules": ("Fence",),
+        },
+    )
 
 __all__ = [
     "Backend",
@@ -69,13 +72,6 @@ __all__ = [
     "run",
     "run_mission",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    home = _HOME_OF.get(name)
-    if home is None:
-        raise AttributeError(f"module 'soter' has no attribute '{name}'")
-    return getattr(importlib.import_module(home), name)
 
 
 def __dir__() -> list[str]:

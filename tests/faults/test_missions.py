@@ -35,7 +35,7 @@ def run(*tables: dict[str, Any], **overrides: Any) -> RunResult:
 
 @pytest.mark.parametrize("name", WITHIN)
 def test_no_rule_is_broken_within_declared_bounds(name: str) -> None:
-    result = run(**{**WITHIN[name], "targets": "hostile", "duration_s": 200.0, "seed": 7})
+    result = run(**{**WITHIN[name], "targets": "hostile", "duration_s": 120.0, "seed": 7})
     assert result.status == "completed"
     assert result.violations == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
     assert result.ac_share > 0.4
@@ -51,10 +51,10 @@ def test_a_bound_that_the_modules_cannot_pay_for_is_refused() -> None:
 
 @pytest.mark.parametrize("kind", ["kill", "freeze"])
 def test_a_robot_goes_home_to_charge_although_its_peer_is_silent_for_good(kind: str) -> None:
-    """Its charge would last for ten minutes; that of the silent one, which nobody can drive home, for all the run."""
+    """Its charge would last for five minutes; that of the silent one, which nobody can drive home, for all the run."""
     silent = {"kind": kind, "robot": 2, "start_s": 60.0, "declared": False}
-    battery = {"drive_s": 1000.0, "idle_s": 1200.0, "initial": {1: 0.5, 2: 1.0}}
-    result = run(silent, battery=battery, duration_s=900.0)
+    battery = {"drive_s": 500.0, "idle_s": 600.0, "initial": {1: 0.5, 2: 1.0}}
+    result = run(silent, battery=battery, duration_s=450.0)
     assert result.violations == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
     assert result.min_margin is not None
     assert result.min_margin["battery"] > 0.05

@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 SURVEILLANCE = ROOT / "examples" / "surveillance.toml"
 WAREHOUSE = ROOT / "examples" / "warehouse.toml"
 QUICK = {"backend": "kinematic", "planner": "straight-line"}
-DRAINED: dict[str, Any] = {"duration_s": 900.0, "battery__drive_s": 450.0, "battery__idle_s": 800.0}
+DRAINED: dict[str, Any] = {"duration_s": 600.0, "battery__drive_s": 300.0, "battery__idle_s": 550.0}
 """Longer than a battery lasts, driving or not."""
 
 
@@ -46,7 +46,7 @@ def violations(run: Run) -> dict[str, int]:
 
 @pytest.mark.parametrize("targets", ["grid", "uniform", "hostile"])
 def test_no_rule_is_broken(targets: str) -> None:
-    run = run_mission(mission(targets=targets, duration_s=900.0, seed=11))
+    run = run_mission(mission(targets=targets, duration_s=500.0, seed=11))
     assert run.result.status == "completed"
     assert violations(run) == {"battery": 0, "geofence": 0, "collision": 0, "obstacle": 0}
     assert run.result.min_margin is not None
@@ -72,14 +72,14 @@ def test_without_one_module_its_own_rule_is_broken(left_out: str) -> None:
 
 
 def test_six_robots() -> None:
-    run = run_mission(mission(WAREHOUSE, duration_s=600.0, targets="hostile", seed=5))
+    run = run_mission(mission(WAREHOUSE, duration_s=300.0, targets="hostile", seed=5))
     assert run.result.robots == 6
     assert not run.result.violated
 
 
 def test_the_protected_planner_keeps_its_paths_clear_of_boxes() -> None:
-    bare = run_mission(mission(duration_s=900.0, targets="hostile", seed=3))
-    guarded = run_mission(mission(duration_s=900.0, targets="hostile", seed=3, rta__path__enabled=True))
+    bare = run_mission(mission(duration_s=450.0, targets="hostile", seed=3))
+    guarded = run_mission(mission(duration_s=450.0, targets="hostile", seed=3, rta__path__enabled=True))
     assert bare.result.disengagements["obstacle"] > 0
     assert 5 * guarded.result.disengagements["obstacle"] < bare.result.disengagements["obstacle"]
     assert guarded.result.paths_replaced > 0

@@ -17,7 +17,7 @@ from tests.project.source import ROOT
 from tests.stack.loop import AC, Loop, goto, where
 
 MODULES = ("collision", "obstacle", "geofence", "battery")
-MINUTES = 5.0
+MINUTES = 3.0
 CHARGES = {"battery": (0.30, 0.35)}
 
 Ports = Mapping[int, RobotPort]
@@ -68,8 +68,8 @@ CASES = [(module, ac) for module in MODULES for ac in HOSTILE[module]]
 
 
 def loop(module: str, ac: AC, modules: tuple[str, ...]) -> Loop:
-    # A battery that is empty after ten minutes of driving, so that it matters within five.
-    overrides: dict[str, Any] = {"battery__drive_s": 600.0} if module == "battery" else {}
+    # A battery that is empty after six minutes of driving, so that it matters within three.
+    overrides: dict[str, Any] = {"battery__drive_s": 360.0} if module == "battery" else {}
     return Loop(ac, CHARGES.get(module, (1.0, 1.0)), rta__modules=list(modules), **overrides)
 
 
@@ -116,7 +116,7 @@ def test_an_ac_that_changes_its_mind_all_the_time_breaks_no_rule(seed: int) -> N
             elif draw < 0.05:
                 port.goto(Waypoint(math.nan, 0.0))
 
-    report = Loop(restless, (0.5, 0.9), battery__drive_s=900.0).run(900.0)
+    report = Loop(restless, (0.5, 0.9), battery__drive_s=500.0).run(500.0)
     assert report.violations == ()
     assert report.contacts == 0
 
