@@ -51,7 +51,7 @@ class Noisy(Broken):
 
 def noisy(drifts: bool, position_m: float, speed_m_s: float, heading_rad: float, **more: float) -> type[Noisy]:
     noise = {"position_noise_m": position_m, "speed_noise_m_s": speed_m_s, "heading_noise_rad": heading_rad}
-    promised = replace(Noisy.declared, **noise, **more)
+    promised = replace(Noisy.declared, **{**noise, **more})  # type: ignore[arg-type] # no flag is among them
     parts: dict[str, Any] = {"declared": promised, "drifts": drifts}
     return type("Noisy", (Noisy,), parts)
 

@@ -135,7 +135,7 @@ def test_real_processes_drive_their_robots_by_a_controller_in_a_file(tmp_path: P
     )
     hosts = make_hosts("loopback", [*distribution.ROBOTS], [distribution.PLANNER])
     try:
-        with Stage(hosts, tmp_path, 6.0, "uniform", 1) as stage:
+        with Stage(hosts, tmp_path, 8.0, "uniform", 1) as stage:
             for name in distribution.ROBOTS:
                 stage.run(name, "--ac", str(tmp_path / "own.py:Meets"))
             stage.run(GROUND, "--ac", str(tmp_path / "own.py:Meets"))

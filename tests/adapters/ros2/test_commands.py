@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.rclpy, pytest.mark.timeout(180)]
 def test_a_mission_runs_with_the_same_file_as_everywhere() -> None:
     with soter(
         "run", str(EXAMPLES / "surveillance.toml"), "--backend", "ros2", "--planner", "straight-line",
-        "--duration", "10", "--json", "-", "--no-record",
+        "--duration", "4", "--json", "-", "--no-record",
     ) as process:  # fmt: skip
         out, err = process.communicate(timeout=120)
     assert process.returncode == 0, err
