@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import importlib.util
 import signal
 from collections.abc import Iterator
 
 import pytest
+import typer.testing
 from hypothesis import settings
 
 # A test that fails today must fail tomorrow: the same examples in every run, however loaded the machine is.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+# Hundreds of tests call commands: each call would build the whole command line anew.
+typer.testing._get_command = functools.cache(typer.testing._get_command)  # type: ignore[attr-defined]
 
 OPTIONAL_LIBRARIES = ("pybullet", "ompl", "rclpy")
 
