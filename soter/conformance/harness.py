@@ -16,7 +16,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
-    "stop_clock", "garble", "seize", "intrude", "another",
+    "stop_clock", "garble", "seize", "disable", "intrude", "another",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -272,6 +272,10 @@ class Harness(ABC):
 
     def seize(self, robot_id: int) -> None:
         """Let a person take the robot from SOTER and stop it, as by a switch on it or at another ground station."""
+        raise NotImplementedError
+
+    def disable(self, robot_id: int) -> None:
+        """Let a person switch the robot's motors off while it drives, as by a disarm at another ground station."""
         raise NotImplementedError
 
     def intrude(self, robot_id: int, seconds: float, turns: bool) -> None:

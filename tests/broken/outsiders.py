@@ -7,7 +7,7 @@ import math
 import time
 from typing import Any, Final
 
-from soter.sdk import Controller, Goal, RobotState, Waypoint
+from soter.sdk import Capabilities, Controller, Goal, RobotState, Waypoint
 from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
@@ -23,6 +23,7 @@ _MOVES_M_S: Final = 0.05
 _BIAS_RAD_S: Final = 0.008
 _REPORTS_S: Final = 0.5
 _SELDOM: Final = 20
+_STANDS_M_S: Final = 1e-3
 
 
 def _backs_away(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
@@ -149,6 +150,30 @@ def _forgets_how_often(self: Any) -> None:
     self.sample_periods = _SELDOM
 
 
+def _waits_for_rest(self: Any, timeout_s: float) -> None:
+    self._mux.revoke()
+    while abs(self._v[self._index]) > _STANDS_M_S:
+        self.clock.sleep_until(self.clock.now() + self._world.period_s)
+
+
+def _backs_off(self: Any, timeout_s: float) -> Capabilities:
+    self._world.set_control(self.id, lambda *_: (-_BACKS_M_S, 0.0))
+    self.clock.sleep_until(self.clock.now() + 0.5 * timeout_s * _BACKS_M_S)
+    return Broken._connect(self, timeout_s)
+
+
+def _keeps_some(self: Any, goal: Goal) -> None:
+    Broken._send_goto(self, goal)
+    if goal.id % 2:
+        memory(self, "sent", dict)[goal.id] = object()
+
+
+def _heads_on(robot: Any, target: Waypoint) -> Waypoint:
+    kept = memory(robot, "heading", lambda: [None])
+    kept[0] = target.heading_rad if target.heading_rad is not None else kept[0]
+    return target._replace(heading_rad=kept[0])
+
+
 OUTSIDERS: Final[tuple[type[Broken], ...]] = (
     sampled("ZerosNowAndThen", "Hands out a velocity of 0 where it could not be read, once in 97 samples.",
             "bounds.long_tube", "handed out as zeros", once_in(_MANY, vx_m_s=0.0, vy_m_s=0.0, yaw_rate_rad_s=0.0)),
@@ -167,6 +192,14 @@ OUTSIDERS: Final[tuple[type[Broken], ...]] = (
             "goto.wakes", "from -pi to pi", _turns_by_difference),
     targeted("CapsEachAxis", "Has the speed_m_s of a goal count for each axis.", "goto.speed_cap", "for each axis",
              _by_its_larger_axis),
+    edited("WaitsForRest", "Waits, as it is closed, until the robot stands, however long that takes.",
+           "lifecycle.close_in_time", "give up in time", _disconnect=_waits_for_rest),
+    edited("LeavesItsCharger", "Backs off its charger as it gets ready.", "truth.lifecycle.init_stays",
+           "leaves its charger", _connect=_backs_off),
+    edited("KeepsSomeGoals", "Keeps a goal in two, which it waits to hear of.", "endurance.minute", "messages are kept",
+           _send_goto=_keeps_some),
+    targeted("HeadsOn", "Turns to the heading of an earlier goal where a goal has none.", "goto.no_heading",
+             "a goal's before", _heads_on),
 )  # fmt: skip
 
 OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
@@ -182,4 +215,7 @@ OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           "age it by steady time", _sample=_aged_by_its_clock),
     driven("AskedOnce", "Has asked the vehicle once to say 20 times a second where it is; it forgets that with the "
            "power.", "deadman.restart", "lost with the power", restart=_forgets_how_often),
+    driven("SwitchedOnAgain", "Is driven again when its lease is renewed, though a person has switched its motors off.",
+           "authority.disabled", "takes it back",
+           passing=lambda self, clock_s: None if self.seized else self.mux.passing(clock_s)),
 )  # fmt: skip

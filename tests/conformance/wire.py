@@ -79,7 +79,7 @@ class Vehicle:
             self.lease_s = spec.promised.lease_s  # type: ignore[misc]
         self.drive = Drive(built(spec, self.limits), world.period_s)
         self.periods, self.stalls_until_s = 0, 0.0
-        self.seized = False
+        self.seized = self.disabled = False
         self.intruded_until_s, self.intruder_turns = 0.0, False
         self.begin()
         world.set_control(spec.id, self.control)
@@ -97,8 +97,13 @@ class Vehicle:
         """Whether what hears and talks for it goes on, and does not stand still for a moment."""
         return self.world.now_s >= self.stalls_until_s
 
+    @property
+    def taken(self) -> bool:
+        """Whether a person has it."""
+        return self.seized or self.disabled
+
     def passing(self, clock_s: float) -> Goal | None:
-        return None if self.seized else self.mux.passing(clock_s)
+        return None if self.taken else self.mux.passing(clock_s)
 
     def control(self, now_s: float, x: float, y: float, heading: float, v: float, rate: float) -> tuple[float, float]:
         clock_s, talks = min(now_s, self.stopped_s) + self.offset_s, self.talks()
@@ -119,7 +124,7 @@ class Vehicle:
         command = self.mux.command
         return RobotState(
             self.id, clock_s, clock_s, x, y, 0.0, heading, east, north, rate, self.world.bodies.charge[self.index],
-            None if self.seized else self.mux.in_charge, None if command is None else command.id, Link.UP,
+            None if self.taken else self.mux.in_charge, None if command is None else command.id, Link.UP,
         )  # fmt: skip
 
     def take(self, intent: Intent, clock_s: float) -> None:
@@ -391,6 +396,9 @@ class WireHarness(Harness):
 
     def seize(self, robot_id: int) -> None:
         self.vehicles[robot_id].seized = True
+
+    def disable(self, robot_id: int) -> None:
+        self.vehicles[robot_id].disabled = True
 
     def intrude(self, robot_id: int, seconds: float, turns: bool) -> None:
         self.vehicles[robot_id].intruded_until_s = self.clock.now() + seconds

@@ -183,21 +183,25 @@ class MavlinkHarness(RelayedHarness):
 
     def restart(self, robot_id: int) -> None:
         """Reboot a vehicle, armed as it is, in the adapter's name: it obeys nobody else while the lease lives."""
-        reboot = mav.MAVLink_command_long_message(
-            robot_id, mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0,
-            1.0, 0.0, 0.0, 0.0, 0.0, _FORCED, 0.0,
-        )  # fmt: skip
-        assert isinstance(self.relay, MavlinkRelay)
-        self.relay.tell(reboot, self.options.get("system_id", MavlinkConfig.model_fields["system_id"].default))
+        own = self.options.get("system_id", MavlinkConfig.model_fields["system_id"].default)
+        self._command(own, robot_id, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0, 0.0, 0.0, 0.0, 0.0, _FORCED)
 
     def seize(self, robot_id: int) -> None:
         """Have another ground station set the mode in which the vehicle stands."""
-        hold = mav.MAVLink_command_long_message(
-            robot_id, mav.MAV_COMP_ID_AUTOPILOT1, mav.MAV_CMD_DO_SET_MODE, 0,
-            mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, ARDUROVER.stop, 0.0, 0.0, 0.0, 0.0, 0.0,
-        )  # fmt: skip
+        custom = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        self._command(_STATION, robot_id, mav.MAV_CMD_DO_SET_MODE, custom, ARDUROVER.stop)
+
+    def disable(self, robot_id: int) -> None:
+        """Have another ground station disarm the vehicle."""
+        self._command(_STATION, robot_id, mav.MAV_CMD_COMPONENT_ARM_DISARM)
+
+    def _command(self, source: int, robot_id: int, command: int, *numbers: float) -> None:
+        """Command a vehicle in the name of a system; numbers that are not given are 0."""
+        told = mav.MAVLink_command_long_message(
+            robot_id, mav.MAV_COMP_ID_AUTOPILOT1, command, 0, *numbers, *[0.0] * (7 - len(numbers))
+        )
         assert isinstance(self.relay, MavlinkRelay)
-        self.relay.tell(hold, _STATION)
+        self.relay.tell(told, source)
 
     def start_driver(self, target: Waypoint) -> subprocess.Popen[bytes]:
         port = free_port()
@@ -233,8 +237,9 @@ class CopterHarness(MavlinkHarness):
     # After a reboot a copter has to get ready, arm and take off again, which takes longer than the kit waits.
     switchable = Harness.switchable
     restart = Harness.restart
-    # The mode in which it stands has another number than a rover's.
+    # The mode in which it stands has another number than a rover's; without its motors it would fall.
     seize = Harness.seize
+    disable = Harness.disable
 
 
 class PlainHarness(MavlinkHarness):
@@ -261,8 +266,9 @@ class MavsdkCopterHarness(MavsdkHarness):
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
     switchable = Harness.switchable
     restart = Harness.restart
-    # The mode in which it stands has another number than a rover's.
+    # The mode in which it stands has another number than a rover's; without its motors it would fall.
     seize = Harness.seize
+    disable = Harness.disable
 
 
 def open_given(argument: str) -> Fleet:

@@ -363,7 +363,7 @@ class MavlinkRobot(Robot):
 
     def _reported(self) -> Controller | None:
         """Return the active controller that the vehicle reports; None while the vehicle is not in its guided mode."""
-        if not self._gated or self._vehicle.mode != self._vehicle.kind.guided:
+        if not self._gated or self._vehicle.mode != self._vehicle.kind.guided or not self._vehicle.armed:
             return None
         component = self._authority.reported()
         return None if component is None else CONTROLLERS.get(component)

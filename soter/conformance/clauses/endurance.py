@@ -47,7 +47,7 @@ _EVERY_S: Final = 0.02
 _GROWS: Final = {
     "threads": (3.0, "a thread is begun at each goal or switch, and not ended"),
     "descriptors": (3.0, "a file or socket is opened at each goal or switch, and not closed"),
-    "objects_per_goal": (1.0, "goals, samples or messages are kept; what looks through them takes ever longer"),
+    "objects_per_goal": (0.3, "goals, samples or messages are kept; what looks through them takes ever longer"),
     "memory_mib": (0.25, "messages are kept"),
 }
 """By resource, how much more of it the process may hold after each round, and the likely cause of more."""

@@ -18,6 +18,7 @@ from soter.sdk import Controller, GoalStatus, Robot, Waypoint
 _HOST_S = 0.05
 _OFF_RAD = 0.15
 _AS_IT_CAME_RAD = 0.5
+_ASKEW_RAD = 1.0
 _REST_S = 0.7
 _IDLE_S, _IDLE_IN_PROCESS_S = 25.0, 100.0
 """In process, longer than most adapters take to sleep or give up; on a wire `deadman.stays` rests as long."""
@@ -261,8 +262,10 @@ def heading(bench: Bench) -> None:
 
 @clause("goto.no_heading", needs=("pivots_first",))
 def no_heading(bench: Bench) -> None:
-    """Without a heading the robot drives forwards, wherever to, and stands as it came."""
+    """Without a heading the robot drives forwards, wherever to, and stands as it came, also behind a goal with one."""
     robot = bench.open_one()
+    bench.go(robot, bench.place(robot, 0.0, heading_rad=turn(0.0, bench.home(robot)[2] + _ASKEW_RAD)))
+    bench.settle()
     for course_rad, where in ((-math.pi / 2.0, "south"), (math.pi, "west")):
         began_s = bench.now_s
         bench.go(robot, _at(bench.look(robot), 0.25 * bench.harness.room_m, course_rad))

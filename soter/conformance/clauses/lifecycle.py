@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from unittest import mock
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
+from soter.conformance.figure import NotTested
 from soter.conformance.track import turn
 from soter.errors import LifecycleError
 from soter.sdk import Controller, GoalStatus, Robot, Waypoint
 
 _TURNS_S = 0.3
+_CLOSES_S, _LATE_S = 2.0, 1.0
 
 
 def _refused(bench: Bench, robot: Robot, when: str) -> None:
@@ -135,4 +138,46 @@ def reopen(bench: Bench) -> None:
         again,
         bench.place(again, 0.4),
         cause="it went there before it was closed: _disconnect() or Fleet._close() leaves something behind",
+    )
+
+
+@clause("lifecycle.close_in_time")
+def close_in_time(bench: Bench) -> None:
+    """close() returns in its time although the robot does not stop, so that the others are stopped as well."""
+    robot = bench.open_one()
+    impair = getattr(robot, "impair", None)
+    if impair is None or not bench.caps.in_process:
+        raise NotTested("not declared: the hook 'impair' of a robot in process")
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.faulty = True
+    impair(1.0, 1.0, 0.0, True)
+    clock, ends_s = robot.clock, bench.now_s + _CLOSES_S + _LATE_S
+    sleep_until = clock.sleep_until
+
+    def for_so_long(time_s: float) -> None:
+        bench.require(
+            time_s <= ends_s,
+            f"a robot whose brakes have failed rolls on, and close({_CLOSES_S:g}) has not returned after "
+            f"{_CLOSES_S + _LATE_S:g} s: it waits for the robot to stop, however long that takes; give up in time, or "
+            "the other robots are never told to stop",
+        )
+        sleep_until(time_s)
+
+    with mock.patch.object(clock, "sleep_until", for_so_long):
+        robot.close(_CLOSES_S)
+
+
+@clause("truth.lifecycle.init_stays", tier=Tier.TRUTH)
+def init_stays(bench: Bench) -> None:
+    """init() moves no robot that stands on the ground: nobody has looked yet at what is around it."""
+    (robot,) = bench.open_raw().robots
+    x_m, y_m, heading_rad = bench.true_pose(robot.id)
+    robot.init(bench.harness.connect_timeout_s)
+    bench.capabilities = robot.capabilities
+    to_x_m, to_y_m, to_rad = bench.true_pose(robot.id)
+    moved_m, turned_rad = math.hypot(to_x_m - x_m, to_y_m - y_m), abs(turn(heading_rad, to_rad))
+    bench.require(
+        moved_m <= bench.held_m and turned_rad <= bench.still_rad,
+        f"init() moved the robot by {moved_m:.3f} m and {turned_rad:.2f} rad, without a goal and without a lease: it "
+        "leaves its charger, looks for an index or tries its motors by itself; nothing may move before SOTER says so",
     )

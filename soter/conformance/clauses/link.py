@@ -23,6 +23,10 @@ _OFF_S = (1.0, 13.0, 19.0)
 _WAITS_S = 0.25
 _RETURNS_S = 10.0
 _LATER_S = 5.0
+_SELDOM = (
+    "the longer a robot was away, the longer it takes to be heard again: who waits twice as long after each try to "
+    "connect looks for it seldom in the end"
+)
 _SWITCHES = 8
 _SWITCH_S = 0.6
 _MOST = 0.7
@@ -377,6 +381,13 @@ def returns(bench: Bench) -> None:
         began_s = bench.now_s
         back = bench.run(_RETURNS_S, lambda: robot.read_state().link is Link.UP)
         returns_s.append(bench.now_s - began_s)
+        # Who looks ever more seldom hears of it in the end, after about as long as it was away.
+        late = not back and bench.run(2.0 * sum(_OFF_S), lambda: robot.read_state().link is Link.UP)
+        bench.require(
+            not late,
+            f"the robot's program was away for {off_s:.0f} s, and is heard only {bench.now_s - began_s:.0f} s after it "
+            f"has begun anew: {_SELDOM}",
+        )
         bench.require(
             back,
             f"{_RETURNS_S:.0f} s after the robot's program began for the {number + 1}. time nothing is heard of it: "
@@ -388,6 +399,5 @@ def returns(bench: Bench) -> None:
         )  # fmt: skip
     bench.measure(
         "returns_s", max(returns_s[1:]), min(returns_s) + _LATER_S, 2 * TICK_S, spread=returns_s,
-        cause="the longer a robot was away, the longer it takes to be heard again: who waits twice as long after each "
-        "try to connect looks for it seldom in the end",
+        cause=_SELDOM,
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from threading import Event, Thread
 
@@ -94,10 +95,21 @@ def next_program(bench: Bench) -> None:
 def seized(bench: Bench) -> None:
     """What a person takes from SOTER stays his: it is not driven again, and nobody is said to be in charge of it."""
     bench.require_hook("seize")
+    _see_it_left_alone(bench, bench.harness.seize, "has taken the robot and stopped it")
+
+
+@clause("authority.disabled", tier=Tier.WIRE)
+def disabled(bench: Bench) -> None:
+    """A robot whose motors a person has switched off stays so: nobody but a person switches them on again."""
+    bench.require_hook("disable")
+    _see_it_left_alone(bench, bench.harness.disable, "has switched the robot's motors off (disarmed it)")
+
+
+def _see_it_left_alone(bench: Bench, take: Callable[[int], None], done: str) -> None:
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.faulty = True
-    bench.harness.seize(robot.id)
+    take(robot.id)
     bench.run(bench.orphaned_s() + 1.0)
     # A goal in force, and one that is new.
     for _ in range(2):
@@ -106,9 +118,8 @@ def seized(bench: Bench) -> None:
         state, moved_m = robot.read_state(), math.dist(before, bench.true_place(robot))
         bench.require(
             moved_m <= bench.still_m and state.controller is None,
-            f"a person has taken the robot and stopped it, and it moves by {moved_m:.2f} m, while the "
-            f"{state.controller or 'nobody'} is said to be in charge: the adapter takes it back by itself, or does not "
-            "see that it has lost it",
+            f"a person {done}, and it moves by {moved_m:.2f} m, while the {state.controller or 'nobody'} is said to be "
+            "in charge: the adapter takes it back by itself, or does not see that it has lost it",
         )
         robot.goto(bench.place(robot, -0.5), Controller.AC)
 

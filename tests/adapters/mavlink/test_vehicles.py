@@ -272,6 +272,7 @@ def test_the_registry_knows_them(name: str) -> None:
     ("harness", "clause"),
     [
         ("mavlink", "state.start"),
+        ("mavlink", "authority.disabled"),
         ("mavlink", "lifecycle.close_twice"),
         ("mavsdk", "truth.state.start"),
         ("mavsdk", "lifecycle.close_twice"),
