@@ -13,7 +13,7 @@ from soter.faults import FaultTable, read_faults, under_faults
 from soter.faults.telemetry import BatteryOptions
 from soter.geometry.workspace import Workspace
 from soter.problems import dotted
-from soter.registry import backend_names, load_backend
+from soter.registry import BUILT_IN, backend_names, load_backend
 from soter.sdk import Backend, BackendConfig, Capabilities, RobotSpec, RuleLimits
 from soter.stack.planners.names import check_name
 
@@ -219,9 +219,11 @@ def _refuse_misspelt_tables(mission: MissionFile) -> None:
 
     A user would rely on the options in them. A backend that is not installed here may have a table, with a warning.
     """
-    known = backend_names()
-    for name in mission.backends:
-        if name in known or ":" in name:
+    others = [name for name in mission.backends if name not in BUILT_IN and ":" not in name]
+    # Whoever asks what is installed looks through all of it.
+    known = backend_names() if others else []
+    for name in others:
+        if name in known:
             continue
         key, close = f"backends.{name}", nearest(name, known)
         problem = f"no backend of that name is installed{close}; there are {', '.join(known)}"
