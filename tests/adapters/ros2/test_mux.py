@@ -24,6 +24,7 @@ ITS_OWN = {
     "soter.adapters.ros2",
     "soter.adapters.ros2.mux",
     "soter.controller",
+    "soter.lazy",
     "soter.onboard",
     "soter.onboard.gate",
     "soter.onboard.mux",
