@@ -37,7 +37,7 @@ STUCK_S = 100.0
 @pytest.fixture(autouse=True)
 def _few_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     # With fewer trials of users' modules more is accepted, and all that is accepted has to run as it should.
-    monkeypatch.setattr("soter.check.mission.BUDGET", 20)
+    monkeypatch.setattr("soter.check.mission.BUDGET", 10)
 
 
 def judged(case: Path) -> Done:
