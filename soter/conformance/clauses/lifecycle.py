@@ -163,8 +163,11 @@ def close_in_time(bench: Bench) -> None:
         )
         sleep_until(time_s)
 
-    with mock.patch.object(clock, "sleep_until", for_so_long):
-        robot.close(_CLOSES_S)
+    try:
+        with mock.patch.object(clock, "sleep_until", for_so_long):
+            robot.close(_CLOSES_S)
+    finally:
+        impair(1.0, 1.0, 1.0, True)
 
 
 @clause("truth.lifecycle.init_stays", tier=Tier.TRUTH)
