@@ -23,6 +23,7 @@ _MOVES_M_S: Final = 0.05
 _BIAS_RAD_S: Final = 0.008
 _REPORTS_S: Final = 0.5
 _SELDOM: Final = 20
+_LEAPS_S: Final = 20.0
 _STANDS_M_S: Final = 1e-3
 
 
@@ -145,6 +146,13 @@ def _aged_by_its_clock(self: Any) -> RobotState | None:
     return state._replace(battery=max(0.0, report[2] - used))
 
 
+def _drops_what_is_ahead(self: Any) -> list[RobotState]:
+    believed = memory(self, "believed_s", lambda: [math.inf])
+    found = [each for each in BrokenWire.received(self) if each.vehicle_stamp_s - believed[0] <= _LEAPS_S]
+    believed[0] = max((each.vehicle_stamp_s for each in found), default=believed[0])
+    return found
+
+
 def _forgets_how_often(self: Any) -> None:
     Vehicle.restart(self)
     self.sample_periods = _SELDOM
@@ -213,6 +221,8 @@ OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           intruded=lambda self: WireRobot.intruded(self) and not self.vehicle.intruder_turns),
     wired("AgedByItsClock", "Ages the charge of the last report by the vehicle's clock.", "deadman.clock_steps",
           "age it by steady time", _sample=_aged_by_its_clock),
+    wired("DropsWhatIsAhead", "Drops samples that are stamped more than 20 s after those before.", "deadman.wraps",
+          "as if they were garbled", received=_drops_what_is_ahead),
     driven("AskedOnce", "Has asked the vehicle once to say 20 times a second where it is; it forgets that with the "
            "power.", "deadman.restart", "lost with the power", restart=_forgets_how_often),
     driven("SwitchedOnAgain", "Is driven again when its lease is renewed, though a person has switched its motors off.",

@@ -12,7 +12,7 @@ from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.track import TURNING_RAD_S, turn
-from soter.sdk import Controller, Robot, RobotState
+from soter.sdk import Controller, Link, Robot, RobotState
 
 _LEARNS_S = 3.0
 _BEGINS_ANEW_S = 0.5
@@ -31,6 +31,14 @@ _LATER = (
     (4294967.296, "milliseconds in 32 bits, or microseconds"),
     (491520.0, "the seconds of a minute, or milliseconds in 16 bits"),
 )
+
+_SET_FORWARD = {
+    True: "its clock was set forward, and it does not obey since: leases and stamps are said by a clock that it no "
+    "longer has, or in too few digits",
+    False: "nothing is heard of it since its clock was set forward: samples are dropped whose stamps are far ahead of "
+    "those before, as if they were garbled; a clock may be set at any time, so believe it once it goes on from there",
+}
+"""By whether the robot is heard since then, why it may not obey."""
 
 
 def _silent_after(bench: Bench, change: Callable[[Robot], None], what: str) -> Robot:
@@ -96,11 +104,8 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
         bench.faulty = True
         bench.harness.step_clock(robot.id, math.ceil(shown_s / every_s) * every_s - shown_s)
         bench.run(_LEARNS_S)
-    bench.go(
-        robot, bench.place(robot, 0.0),
-        cause="" if caps.in_process else "its clock was set forward, and it does not "
-        "obey since: leases and stamps are said by a clock that it no longer has, or in too few digits",
-    )  # fmt: skip
+    heard = robot.read_state().link is Link.UP
+    bench.go(robot, bench.place(robot, 0.0), cause="" if caps.in_process else _SET_FORWARD[heard])
     if caps.in_process:
         state = robot.read_state()
         wraps_s = math.ceil(state.vehicle_stamp_s / every_s) * every_s + state.stamp_s - state.vehicle_stamp_s
