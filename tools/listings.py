@@ -184,6 +184,8 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=900.0, metavar="S", help="of a command (default: %(default)s)")
     parser.add_argument("--serve", type=float, default=20.0, metavar="S", help="before Ctrl-C (default: %(default)s)")
     given = parser.parse_args()
+    # So that what is under way is ended, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     pages = given.pages or [
         *sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md")), *sorted((ROOT / "examples").rglob("*.md")),
     ]  # fmt: skip
