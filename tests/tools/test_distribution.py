@@ -17,7 +17,7 @@ from tools.distribution_hosts import Proxy, make_hosts
 @pytest.mark.long
 def test_a_robot_that_is_cut_off_and_its_peer_hold_and_go_on(tmp_path: Path) -> None:
     given = distribution.parse(
-        ["--before-s", "1.5", "--cut-s", "2.5", "--after-s", "7", "--targets", "uniform", "--seed", "3"]
+        ["--before-s", "1.5", "--cut-s", "2.5", "--after-s", "10", "--targets", "uniform", "--seed", "3"]
     )
     hosts = make_hosts("loopback", [*distribution.ROBOTS], [distribution.PLANNER])
     try:
