@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from soter.stack.module_kit import ModuleKit
     from soter.stack.static_rules import Fence
 else:
-    __getattr__ = lazily(
+    __getattr__, __dir__ = lazily(
         __name__,
         {
             "soter.config": ("load_mission",),
@@ -72,7 +72,3 @@ __all__ = [
     "run",
     "run_mission",
 ]
-
-
-def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])

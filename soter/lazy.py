@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 
-def lazily(package: str, homes: Mapping[str, Iterable[str]]) -> Callable[[str], Any]:
-    """Return a package's `__getattr__`.
+def lazily(package: str, homes: Mapping[str, Iterable[str]]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Return a package's `__getattr__` and its `__dir__`, which also knows the names that are not loaded yet.
 
     Args:
         package: its name.
@@ -21,4 +22,4 @@ def lazily(package: str, homes: Mapping[str, Iterable[str]]) -> Callable[[str], 
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
         return getattr(importlib.import_module(home_of[name]), name)
 
-    return load
+    return load, lambda: sorted({*vars(sys.modules[package]), *home_of})

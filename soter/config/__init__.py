@@ -16,4 +16,4 @@ if TYPE_CHECKING:
 __all__ = ["MissionFile", "draw_charge", "load_mission", "make_mission", "parse_mission", "validate_options"]
 
 if not TYPE_CHECKING:
-    __getattr__ = lazily(__name__, {"soter.config.mission_file": __all__})
+    __getattr__, __dir__ = lazily(__name__, {"soter.config.mission_file": __all__})

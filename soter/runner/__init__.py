@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from soter.runner.run import run_mission
     from soter.stack.assembly import Study
 else:
-    __getattr__ = lazily(
+    __getattr__, __dir__ = lazily(
         __name__,
         {
             "soter.runner.progress": ("Follower", "Progress", "RobotProgress"),

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         Waypoint,
     )
 else:
-    __getattr__ = lazily(
+    __getattr__, __dir__ = lazily(
         __name__,
         {
             "soter.sdk.backend": (

@@ -104,19 +104,24 @@ def _closes_at_rest(bench: Bench, robot: Robot, *others: Robot) -> None:
     """Close a robot, and fail the clause unless it stands from then on."""
     robot.close(5.0)
     clock = bench.fleet.clock
-    x_m, y_m, heading_rad = bench.true_pose(robot.id)
+    before = bench.true_pose(robot.id)
     for _ in range(20):
         # The other robot keeps the fleet alive: closing one must be enough to stop it.
         for each in others:
             each.renew_lease()
         clock.sleep_until(clock.now() + 0.05)
-    end_x_m, end_y_m, end_rad = bench.true_pose(robot.id)
-    slipped, turned = math.hypot(end_x_m - x_m, end_y_m - y_m), abs(turn(heading_rad, end_rad))
+    slipped, turned = _moved_since(bench, robot, before)
     bench.require(
         slipped <= bench.held_m and turned <= bench.still_rad,
         f"it moved on by {slipped:.3f} m and {turned:.2f} rad in the second after close() returned: _disconnect() must "
         "stop the vehicle and wait until it stands",
     )
+
+
+def _moved_since(bench: Bench, robot: Robot, pose: tuple[float, float, float]) -> tuple[float, float]:
+    """Return how far a robot truly is from a pose, in metres, and by how much it has turned since, in radians."""
+    now = bench.true_pose(robot.id)
+    return math.dist(pose[:2], now[:2]), abs(turn(pose[2], now[2]))
 
 
 @clause("lifecycle.reopen")
@@ -174,11 +179,10 @@ def close_in_time(bench: Bench) -> None:
 def init_stays(bench: Bench) -> None:
     """init() moves no robot that stands on the ground: nobody has looked yet at what is around it."""
     (robot,) = bench.open_raw().robots
-    x_m, y_m, heading_rad = bench.true_pose(robot.id)
+    before = bench.true_pose(robot.id)
     robot.init(bench.harness.connect_timeout_s)
     bench.capabilities = robot.capabilities
-    to_x_m, to_y_m, to_rad = bench.true_pose(robot.id)
-    moved_m, turned_rad = math.hypot(to_x_m - x_m, to_y_m - y_m), abs(turn(heading_rad, to_rad))
+    moved_m, turned_rad = _moved_since(bench, robot, before)
     bench.require(
         moved_m <= bench.held_m and turned_rad <= bench.still_rad,
         f"init() moved the robot by {moved_m:.3f} m and {turned_rad:.2f} rad, without a goal and without a lease: it "
