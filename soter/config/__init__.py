@@ -11,9 +11,16 @@ from soter.config.options import validate_options
 from soter.lazy import lazily
 
 if TYPE_CHECKING:
-    from soter.config.mission_file import MissionFile, draw_charge, load_mission, make_mission, parse_mission
+    from soter.config.mission_file import MissionFile, draw_charge
+    from soter.config.reading import load_mission, make_mission, parse_mission
 
 __all__ = ["MissionFile", "draw_charge", "load_mission", "make_mission", "parse_mission", "validate_options"]
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__ = lazily(__name__, {"soter.config.mission_file": __all__})
+    __getattr__, __dir__ = lazily(
+        __name__,
+        {
+            "soter.config.mission_file": ("MissionFile", "draw_charge"),
+            "soter.config.reading": ("load_mission", "make_mission", "parse_mission"),
+        },
+    )
