@@ -58,6 +58,7 @@ class Views:
         self._opened: Final = opened
         self._stays: Final = live and not leave
         self._started: list[LiveView] = []
+        self._console: Console
 
     @contextmanager
     def shown(self, recording: Path | None, console: Console) -> Iterator[Path | None]:
@@ -84,14 +85,16 @@ class Views:
             self._started = [stack.enter_context(LiveView(kind, port)) for kind, port in self._wanted]
             for (kind, _), view in zip(self._wanted, self._started, strict=True):
                 console.print(f"{kind.name}: {view.address}", soft_wrap=True)
-            if self._opened:
-                _open(self._started[0].address, console)
+            self._console = console
             yield recording
 
     def begin(self, path: Path) -> None:
-        """Show a recording whose head is already written."""
+        """Show a recording whose head is already written, as that of a mission that is accepted."""
         for view in self._started:
             view.begin(path)
+        if self._opened:
+            # Some browsers are waited for, and robots are not to wait.
+            threading.Thread(target=_open, args=(self._started[0].address, self._console), daemon=True).start()
 
     def stay(self, console: Console) -> None:
         """Keep the live page after the run's end until Ctrl-C, unless it is to be closed."""

@@ -46,7 +46,9 @@ SEND_BYTES: Final = 1 << 16
 
 _WAITING: Final = b"""\
 <!doctype html><meta charset="utf-8"><meta name="color-scheme" content="light dark">
-<meta http-equiv="refresh" content="1"><title>SOTER</title><p>The run has not begun yet."""
+<meta name="viewport" content="width=device-width"><meta http-equiv="refresh" content="1"><title>SOTER</title>
+<style>p { font: 17px/1.5 system-ui, sans-serif; margin: 18vh 8vw; text-align: center }</style>
+<p>Starting. The run is shown here as soon as it begins."""
 
 
 class PageScreen:

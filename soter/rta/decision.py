@@ -177,9 +177,7 @@ class DecisionModule:
             not self._looks_around or self._leaves_room(phi_safe, situation, margin, reach)
         ):
             return False
-        unit, needed = phi_safe.unit, reach + self._noise
-        room = f", and {self._keep:.3f} {unit} for its safe controller" if margin >= needed else ""
-        self.cause = f"margin {margin:.3f} {unit} < reach {needed:.3f} {unit}{room}"
+        self.cause = _shortage(margin, reach + self._noise, self._keep, phi_safe.unit)
         return True
 
     def _leaves_room(self, phi_safe: Region, situation: Situation, margin: float, reach: float) -> bool:
@@ -219,6 +217,16 @@ class DecisionModule:
         if isinstance(safer, Region):
             return safer.margin(situation) >= 0.0
         return callable(safer) and safer(situation) is True
+
+
+def _shortage(margin: float, reach: float, keep: float, unit: str) -> str:
+    """Return, in words, what a margin falls short of, with so many digits that the numbers show it."""
+    enough = reach + keep if margin >= reach else reach
+    digits = next((each for each in range(3, 9) if f"{margin:.{each}f}" != f"{enough:.{each}f}"), 3)
+    has, needs, moves, keeps = (f"{each:.{digits}f} {unit}" for each in (margin, enough, reach, keep))
+    if enough == reach:
+        return f"margin {has} < reach {moves}"
+    return f"margin {has} < {needs}: reach {moves}, and {keeps} for its safe controller"
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ _ROUNDING_S: Final = 1e-9
 
 
 class LongestStay:
-    """The longest time that one robot, with a target and not charging, stayed inside a circle of `STALL_M`."""
+    """The longest time that one robot, short of its target and not charging, stayed inside a circle of `STALL_M`."""
 
     __slots__ = ("_since_s", "_x_m", "_y_m", "longest_s")
 
@@ -162,7 +162,7 @@ class Metrics:
         self.needless = 0
         self.outcomes: Counter[TargetOutcome] = Counter()
         self.reached_by_robot: Counter[int] = Counter()
-        self.targets: dict[int, Place] = {}
+        self._under_way: set[int] = set()
         self.no_progress_s = 0.0
         self._progress_s = 0.0
         self._begun_s = self.end_s = 0.0
@@ -191,13 +191,15 @@ class Metrics:
                 self.needless += self.judge(record)
 
     def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
-        """Note a robot's target."""
-        self.targets[robot_id] = place
+        """Note that a robot has a target."""
+        self._under_way.add(robot_id)
 
     def on_ended(self, robot_id: int, target_id: int, outcome: TargetOutcome) -> None:
         """Count how a target ended."""
         self.outcomes[outcome] += 1
-        self.reached_by_robot[robot_id] += outcome is TargetOutcome.REACHED
+        if outcome is TargetOutcome.REACHED:
+            self.reached_by_robot[robot_id] += 1
+            self._under_way.discard(robot_id)
         self.no_progress_s = max(self.no_progress_s, self._now_s - self._progress_s)
         self._progress_s = self._now_s
 
@@ -244,7 +246,7 @@ class Metrics:
             driver = self._driver_index[None if robot.driver is None else robot.driver.name]
             self.tracks.tracks[robot_id].add(now_s, own.x_m, own.y_m, own.battery, driver)
             charges = charging(robot_id)
-            self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self.targets and not charges)
+            self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self._under_way and not charges)
             self.standstills.robots[robot_id].look(now_s, robot, charging=charges)
 
     def finish(self, duration_s: float) -> None:

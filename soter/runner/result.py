@@ -148,7 +148,7 @@ class RunResult(BaseModel, frozen=True):
         needless: disengagements after which the AC's pending waypoints, rolled forward, would have kept the rule.
         targets: how targets ended.
         targets_reached: equal to `targets.reached`.
-        longest_stall_s: longest time that a robot with a target, and not charging, stayed within 0.1 m.
+        longest_stall_s: longest time that a robot, short of its target and not charging, stayed within 0.1 m.
         longest_without_ac_s: longest time that a robot was without its AC, and not charging.
         permanent_stalls: by robot, times without AC, and not charging, of at least 300 s that lasted to the end of the
             run; not for robots whose AC has failed for good.

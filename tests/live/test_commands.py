@@ -99,8 +99,13 @@ def test_without_its_library_the_app_is_refused_with_what_to_do(monkeypatch: pyt
     assert "[foxglove]" in done.stderr
 
 
-def test_a_run_that_is_refused_ends_its_views(tmp_path: Path) -> None:
-    done = ran("--live", "--record", tmp_path / "run.mcap", "--set", "rta.collision.delta_s=3.0")
+def test_a_run_that_is_refused_ends_its_views_and_is_opened_in_no_browser(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda address: not opened.append(address))
+    done = ran("--live", "--open", "--record", tmp_path / "run.mcap", "--set", "rta.collision.delta_s=3.0")
+    assert not opened
     assert done.exit_code == 2
     assert "ill-formed" in done.stderr
     assert not (tmp_path / "run.mcap").exists()

@@ -41,6 +41,13 @@ class Ends(Mission):
             ARRIVALS.append((robot.id, arrived))
 
 
+class StandsAbout(Ends):
+    """Goes to one place, as told, while the other robot does nothing, for longer."""
+
+    async def run(self, robot: Robot) -> None:
+        await (super().run(robot) if robot.id == 1 else robot.sleep(40.0))
+
+
 class Wanders(Mission):
     """Goes to places that are drawn."""
 

@@ -102,6 +102,15 @@ def test_a_script_is_told_why_a_goal_has_ended(options: dict[str, Any], why: str
     assert run.result.duration_s < 60.0, "the run ends with the scripts"
 
 
+@pytest.mark.parametrize(("timeout_s", "why", "stalled"), [(60.0, "reached", False), (2.0, "timed out", True)])
+def test_a_robot_stalls_short_of_its_target_and_not_once_it_is_there(timeout_s: float, why: str, stalled: bool) -> None:
+    result = ran("StandsAbout", {"place": [2, 2], "timeout_s": timeout_s}, duration_s=60.0).result
+    assert [arrived.why for _, arrived in scripts.ARRIVALS] == [why]
+    assert result.duration_s >= 40.0
+    assert (result.longest_stall_s >= 30.0) is stalled
+    assert stalled or result.longest_stall_s < 5.0
+
+
 def test_a_place_that_no_path_leads_to_is_refused() -> None:
     ran("Ends", {"place": [2.0, 2.0]}, planner="tests.runner.bad_planners:Raises")
     ((_, arrived),) = scripts.ARRIVALS

@@ -170,6 +170,16 @@ def test_violations_are_the_first_thing_that_one_sees(browser: Any, hostile: Mad
         verdict = page.locator("#verdict")
         assert f"{len(violations)} violation" in verdict.inner_text()
         assert "bad" in verdict.get_attribute("class")
+        # However many there are, they go on downwards, where a cut line shows that there are more.
+        sideways_px, cut_px = page.evaluate(
+            """() => {
+                const list = document.querySelector(".violations");
+                while (list.children.length < 40) list.append(...[...list.children].map((each) => each.cloneNode(true)));
+                return [list.scrollWidth - list.clientWidth, list.clientHeight % list.children[0].offsetHeight];
+            }"""
+        )
+        assert sideways_px <= 0
+        assert cut_px >= 6
         verdict.locator("button").first.click()
         shown = moment(page)
         assert shown["timeS"] == pytest.approx(violations[0].start_s)

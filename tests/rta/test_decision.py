@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from soter.rta import DecisionModule, Situation, SpeedBound, Timing
@@ -76,6 +77,18 @@ def test_the_cause_has_the_numbers() -> None:
     made = engaged()
     made.decide(situation(0.05, 0.4))
     assert made.cause == f"margin 0.050 m < reach {REACH:.3f} m"
+
+
+@given(st.floats(0.0, 0.6), st.sampled_from([0.0, 0.05]))
+@example(math.nextafter(REACH, 0.0), 0.0)
+@example(REACH + 0.0499999, 0.05)
+@example(REACH, 0.05)
+def test_the_numbers_of_the_cause_show_that_the_margin_is_too_small(x_m: float, keep: float) -> None:
+    made = engaged(keep=keep)
+    if made.decide(situation(x_m, 0.4)) and REACH + keep - x_m >= 1e-7:
+        has, needs, *parts = (float(each) for each in re.findall(r"[\d.]+(?= m)", made.cause))
+        assert has < needs, made.cause
+        assert needs == pytest.approx(sum(parts) if parts else REACH, abs=2e-3)
 
 
 def test_taking_control_asks_nobody_and_waits_for_nothing() -> None:

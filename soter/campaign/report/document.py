@@ -20,8 +20,8 @@ END: Final = "<!-- End of what `soter campaign report` writes. -->"
 
 _ABOUT: Final = (
     f"Violations are counted by ground truth: {' / '.join(RULES)}, and so are least margins (charge from 0 to 1, then "
-    "metres). Rates have exact Poisson intervals at 95 %. A stall is the longest time that a robot with a target, and "
-    "not charging, stays within 0.1 m; no progress, the longest time in which no robot's target ends."
+    "metres). Rates have exact Poisson intervals at 95 %. A stall is the longest time that a robot, short of its "
+    "target and not charging, stays within 0.1 m; no progress, the longest time in which no robot's target ends."
 )
 _BOUND: Final = (
     "Runs in which no rule may be broken. A rate is at most so high with 95 % confidence, if violations come "

@@ -85,7 +85,7 @@
       const list = element("ul", { class: "violations" });
       for (const each of truth.violations) {
         const end = each.endS === null ? "and goes on" : `for ${(each.endS - each.startS).toFixed(1)} s`;
-        list.append(element("li", {}, jumpTo(each.startS, jump), ` ${each.rule}, robot ${each.robots.join(" and ")}, ${end}`));
+        list.append(element("li", {}, jumpTo(each.startS, jump), ` ${each.rule}, robot${each.robots.length > 1 ? "s" : ""} ${each.robots.join(" and ")}, ${end}`));
       }
       box.append(list);
     }
