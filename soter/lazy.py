@@ -9,7 +9,7 @@ from typing import Any
 
 
 def lazily(package: str, homes: Mapping[str, Iterable[str]]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return a package's `__getattr__` and its `__dir__`, which also knows the names that are not loaded yet.
+    """Return a package's `__getattr__` and its `__dir__`, which lists its names, loaded or not, and nothing else.
 
     Args:
         package: its name.
@@ -22,4 +22,4 @@ def lazily(package: str, homes: Mapping[str, Iterable[str]]) -> tuple[Callable[[
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
         return getattr(importlib.import_module(home_of[name]), name)
 
-    return load, lambda: sorted({*vars(sys.modules[package]), *home_of})
+    return load, lambda: sorted({*vars(sys.modules[package])["__all__"], *home_of})

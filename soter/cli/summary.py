@@ -309,5 +309,6 @@ def _percent(part: float) -> str:
 def _precise(rule: str, margin: float) -> str:
     if math.isnan(margin):
         return "not a number"
-    # Adding 0.0 turns -0.0 into 0.0.
-    return _percent(margin) if rule == "battery" else f"{round(margin, 3) + 0.0:.3f} m"
+    if rule == "battery":
+        return _percent(margin)
+    return "< 0 m" if -0.0005 <= margin < 0.0 else f"{margin:.3f} m"

@@ -83,7 +83,7 @@ def next_part(lines: IO[bytes]) -> tuple[int, bytes]:
 def test_before_the_run_begins_the_page_says_so(screen: PageScreen) -> None:
     answer, body = asked(screen, "/")
     assert answer.status == 503
-    assert b"has not begun" in body
+    assert b"as soon as it begins" in body
     assert b'http-equiv="refresh"' in body
 
 

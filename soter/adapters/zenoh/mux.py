@@ -23,7 +23,7 @@ from soter.adapters.velocity_controlled.motion import seconds
 from soter.adapters.zenoh.messages import RosClock, String, Twist, TwistStamped
 from soter.adapters.zenoh.options import Keys, check_key
 from soter.adapters.zenoh.programs import add_session, positive, read_session, refusing
-from soter.adapters.zenoh.session import close_session, open_session
+from soter.adapters.zenoh.session import close_session, endpoints, open_session
 from soter.adapters.zenoh.talk import Ear, Voice, announce, hear_velocity, make_velocity, stamp_of
 from soter.config import validate_options
 from soter.onboard.gate_node import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, GateNode
@@ -158,11 +158,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def connections(session: Any, robot: str) -> str:
-    """Return in words what the mux of a robot is connected to now."""
+    """Return in words where the mux of a robot listens, and what it is connected to now."""
+    places = endpoints(session)
+    at = f"listens at {', '.join(places)}, and " if places else ""
     routers, peers = (len(list(each())) for each in (session.info.routers_zid, session.info.peers_zid))
     if not routers and not peers:
-        return f"{robot}: a Zenoh session is open, and no other program is in it yet"
-    return f"{robot}: connected to {routers} Zenoh router{'s' * (routers != 1)} and {peers} peer{'s' * (peers != 1)}"
+        return f"{robot}: {at}has found no other program yet"
+    found = f"{routers} Zenoh router{'s' * (routers != 1)} and {peers} peer{'s' * (peers != 1)}"
+    return f"{robot}: {at}is connected to {found}"
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -3,6 +3,7 @@
 (() => {
   const { soter } = window;
   const SPEEDS = [1, 2, 5, 10, 20, 50, 100];
+  const SHORT_S = 60; // shorter runs play as fast as they were
   const LONGEST_FRAME_S = 0.25; // of host time; a page that slept does not leap
   const LONGEST_STEP_S = 1; // of host time; it is not expected that a run takes longer to grow
   const UNHURRIED = 1.25; // who takes longer than a run takes to grow seldom has to stand still
@@ -52,7 +53,7 @@
     constructor(run, onChange) {
       this.run = run;
       this.timeS = run.firstS;
-      this.speed = 10;
+      this.speed = run.goesOn || run.lastS - run.firstS > SHORT_S ? 10 : 1;
       this.playing = false;
       this.following = false;
       this.onChange = onChange;
