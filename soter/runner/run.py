@@ -70,30 +70,32 @@ def run_mission(
         IllFormedModule: a safety module cannot keep its rule on these robots; nothing has moved.
     """
     follower = follower or Follower()
-    workspace = mission.read_workspace()
-    part = None if process is None else Part.of(mission, workspace, process)
+    preparing = follower.connecting or nullcontext
+    with preparing():
+        workspace = mission.read_workspace()
+        part = None if process is None else Part.of(mission, workspace, process)
     if part is not None and not part.robots:
         if record is not None:
             raise ConfigError(f"process '{process}' has no robots, and so there is nothing to record", key="--record")
         return _run_task_planner(part, workspace, follower)
-    backend_class = load_backend(mission.backend)
-    config = read_options(backend_class, mission, workspace)
-    specs = robot_specs(mission, workspace, asked(backend_class, config, mission, workspace))
-    faults = read_faults(mission, [spec.id for spec in specs])
-    promised = promises(backend_class, config, mission, workspace)  # refuses bodies that do not fit
-    radii_m = {robot_id: each.body_radius_m for robot_id, each in promised.items()}
-    if part is None:
-        refuse_in_one_process(mission, backend_class)
-    else:
-        specs = [spec for spec in specs if spec.id in part.robots]
-    declared = backend_class.robot_class.declared
-    unasked = nullcontext if declared.in_process or follower.connecting is None else follower.connecting
     # Proofs take seconds in a large world, trials many. Studies ask about modules that are not proved.
-    with (follower.connecting or nullcontext)(), _watched_trials(follower) as tell:
+    with preparing(), _watched_trials(follower) as tell:
+        backend_class = load_backend(mission.backend)
+        config = read_options(backend_class, mission, workspace)
+        specs = robot_specs(mission, workspace, asked(backend_class, config, mission, workspace))
+        faults = read_faults(mission, [spec.id for spec in specs])
+        promised = promises(backend_class, config, mission, workspace)  # refuses bodies that do not fit
+        radii_m = {robot_id: each.body_radius_m for robot_id, each in promised.items()}
+        if part is None:
+            refuse_in_one_process(mission, backend_class)
+        else:
+            specs = [spec for spec in specs if spec.id in part.robots]
         unproved = admitted(
             mission, workspace, backend_class, config, ill_formed=study is not None and study.on_ill_formed is not None,
             unproved=accept_unproved or study is not None, on_progress=tell,
         )  # fmt: skip
+    declared = backend_class.robot_class.declared
+    unasked = nullcontext if declared.in_process else preparing
     with ExitStack() as stack:
         if study is not None and not declared.in_process:
             raise mission.refusal("backend", f"it is '{mission.backend}', but studies run in virtual time only")

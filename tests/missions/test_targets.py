@@ -40,6 +40,14 @@ def test_grid_targets_are_all_of_the_grid() -> None:
     assert set(draw("grid", count=2000)) == set(grid_places(CASE, RADIUS_M))
 
 
+@pytest.mark.parametrize("side_m", [90.0, 130.0, 2000.0, 38_000.0])
+def test_the_grid_of_a_large_site_has_no_more_points_than_are_soon_looked_at(side_m: float) -> None:
+    places = grid_places(Workspace(side_m, side_m, (), ()), RADIUS_M)
+    assert 4000 <= len(places) <= 11_000
+    assert max(x for x, _ in places) > 0.98 * side_m
+    assert all(place in places for place in [(x, y) for x in range(90) for y in range(90)]) is (side_m == 90.0)
+
+
 def test_uniform_targets_fit_a_body_and_fill_the_room() -> None:
     places = draw("uniform", count=3000)
     assert all(CASE.contains(x, y) and CASE.clearance_m(x, y, RADIUS_M) >= 0.0 for x, y in places)

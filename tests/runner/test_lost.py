@@ -72,22 +72,28 @@ def test_waiting_for_the_missions_process_can_be_interrupted(monkeypatch: pytest
         run_mission(mission, follower=Follower(connecting=connecting))
 
 
-def test_proving_modules_can_be_interrupted_and_nothing_was_opened_by_then(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "step", ["soter.config.MissionFile.read_workspace", "soter.runner.run.promises", "soter.runner.run.admitted"]
+)
+def test_what_comes_before_a_run_can_be_interrupted_and_nothing_was_opened_by_then(
+    step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     unasked = []
 
     @contextmanager
     def connecting() -> Iterator[None]:
         unasked.append(True)
         yield
+        unasked.clear()
 
-    def proved(*_: object, **__: object) -> None:
+    def under_way(*_: object, **__: object) -> None:
         assert unasked
         raise KeyboardInterrupt
 
     def opened(*_: object) -> None:
         raise AssertionError("a backend was opened")
 
-    monkeypatch.setattr("soter.runner.run.admitted", proved)
+    monkeypatch.setattr(step, under_way)
     monkeypatch.setattr(VehicleBackend, "open", opened)
     mission = load_mission(ROOT / "examples" / "surveillance.toml", {"backend": "mavlink", "planner": "straight-line"})
     with pytest.raises(KeyboardInterrupt):
