@@ -71,6 +71,15 @@ class Targets:
                 "allowed here: 'uniform', 'hostile'",
                 key="targets",
             )
+        if name == "uniform":
+            stream = random.Random("targets")
+            for radius_m in self._grids:
+                if not any(self._fits(*self._anywhere(stream), radius_m) for _ in range(_MOST_POINTS)):
+                    raise ConfigError(
+                        f"it is 'uniform', and of {_MOST_POINTS} places drawn there none has room for a body "
+                        f"of {radius_m:g} m; allowed here: 'hostile'",
+                        key="targets",
+                    )
         draws: dict[str, Callable[[random.Random, float], Place]] = {
             "grid": lambda stream, radius_m: stream.choice(self._grids[radius_m]),
             "uniform": self._uniform,
@@ -91,11 +100,17 @@ class Targets:
         return place
 
     def _uniform(self, stream: random.Random, radius_m: float) -> Place:
-        low_x, low_y, high_x, high_y = self._workspace.bounds
         while True:
-            x, y = stream.uniform(low_x, high_x), stream.uniform(low_y, high_y)
-            if self._workspace.clearance_m(x, y, radius_m) >= 0.0 and self._workspace.contains(x, y):
-                return x, y
+            place = self._anywhere(stream)
+            if self._fits(*place, radius_m):
+                return place
+
+    def _anywhere(self, stream: random.Random) -> Place:
+        low_x, low_y, high_x, high_y = self._workspace.bounds
+        return stream.uniform(low_x, high_x), stream.uniform(low_y, high_y)
+
+    def _fits(self, x_m: float, y_m: float, radius_m: float) -> bool:
+        return self._workspace.clearance_m(x_m, y_m, radius_m) >= 0.0 and self._workspace.contains(x_m, y_m)
 
     def _hostile(self, stream: random.Random, radius_m: float) -> Place:
         low_x, low_y, high_x, high_y = self._workspace.bounds

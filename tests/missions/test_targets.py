@@ -48,6 +48,12 @@ def test_the_grid_of_a_large_site_has_no_more_points_than_are_soon_looked_at(sid
     assert all(place in places for place in [(x, y) for x in range(90) for y in range(90)]) is (side_m == 90.0)
 
 
+def test_uniform_targets_are_refused_where_a_place_would_be_drawn_for_ever() -> None:
+    full = Workspace(10.0, 10.0, (Box(0.0, 0.0, 10.0, 10.0, 1.0),), ())
+    with pytest.raises(ConfigError, match=r"uniform.* 0\.105 m; allowed here: 'hostile'"):
+        Targets(full, {1: RADIUS_M}, "uniform", 1)
+
+
 def test_uniform_targets_fit_a_body_and_fill_the_room() -> None:
     places = draw("uniform", count=3000)
     assert all(CASE.contains(x, y) and CASE.clearance_m(x, y, RADIUS_M) >= 0.0 for x, y in places)
