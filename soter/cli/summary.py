@@ -186,12 +186,12 @@ def _aim(result: RunResult) -> str:
 
 def headline(result: RunResult) -> str:
     """Return a headline for a run: robots, duration, backend, task, modules, seed."""
-    engine = f", engine {result.engine}" if result.engine else ""
+    engine = f", engine {result.engine}" if result.engine not in (None, result.backend) else ""
+    modules = f"modules: {', '.join(result.modules)}" if result.modules else "no safety modules"
     process = f"process '{result.process}': " if result.process else ""
     return (
         f"{process}{_many(result.robots, 'robot')} for {_time(result.duration_s)} on {result.backend}{engine}; "
-        f"{_errand(result)}, "
-        f"{', '.join(result.modules) or 'no safety modules'}, seed {result.seed}"
+        f"{_errand(result)}; {modules}; seed {result.seed}"
     )
 
 

@@ -147,14 +147,16 @@ def test_a_controllers_run_says_nothing_of_targets_which_it_has_none_of(result: 
     driven = made(result, ac="/home/me/orbit.py:Orbit")
     assert not names & values(driven).keys()
     assert "longest without AC" in values(driven)
-    assert "; AC orbit.py:Orbit, " in headline(driven)
+    assert "; AC orbit.py:Orbit; " in headline(driven)
 
 
 def test_the_summary_names_all_it_takes_to_run_it_again(result: RunResult) -> None:
     assert headline(result) == (
-        "2 robots for 60 s on kinematic, engine kinematic; planner straight-line, grid targets, collision, obstacle, "
-        "geofence, battery, seed 1"
+        "2 robots for 60 s on kinematic; planner straight-line, grid targets; "
+        "modules: collision, obstacle, geofence, battery; seed 1"
     )
+    assert "on pybullet, engine kinematic; " in headline(made(result, backend="pybullet"))
+    assert "; no safety modules; seed 1" in headline(made(result, modules=()))
     text = printed(result)
     assert text.startswith("surveillance.toml: completed\n")
     assert f"trace {result.trace_sha256}\n" in text
@@ -181,7 +183,7 @@ def test_the_caption_of_the_picture(result: RunResult) -> None:
 
 def test_an_adversary_is_named_in_place_of_the_mission(result: RunResult) -> None:
     attacked = made(result, ac="adversary:chase")
-    assert "AC adversary:chase, collision" in headline(attacked)
+    assert "AC adversary:chase; modules: collision" in headline(attacked)
     assert "planner" not in headline(attacked)
     assert "AC adversary:chase instead of the mission" in differences(attacked)
     assert caption(attacked, 0.85).details == f"AC adversary:chase, seed {result.seed}"
