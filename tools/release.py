@@ -6,6 +6,7 @@ become a part of CHANGELOG.md. Nothing is committed, tagged or uploaded. `make d
 
 from __future__ import annotations
 
+import argparse
 import re
 import subprocess
 import sys
@@ -42,7 +43,9 @@ def set_version(root: Path, version: str) -> None:
 
 def main() -> None:
     """Sets the version, writes the changelog, and says what is left to do."""
-    version = sys.argv[1]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("version", help="such as 0.2.0 or 0.2.0rc1")
+    version: str = parser.parse_args().version
     try:
         set_version(ROOT, version)
     except ValueError as refused:

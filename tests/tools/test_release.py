@@ -12,7 +12,7 @@ import pytest
 import soter
 from tests.project.source import ROOT
 from tools.dist import run, tag_problem
-from tools.release import PLACES, set_version
+from tools.release import PLACES, main, set_version
 
 
 @pytest.fixture
@@ -44,6 +44,13 @@ def test_nothing_is_written_where_a_place_is_missing(tree: Path) -> None:
     with pytest.raises(ValueError, match=r"CITATION\.cff has 0 versions"):
         set_version(tree, "7.8.9")
     assert (tree / "soter" / "__init__.py").read_text() == (ROOT / "soter" / "__init__.py").read_text()
+
+
+def test_it_says_how_it_is_called(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["release.py", "--help"])
+    with pytest.raises(SystemExit, match="0"):
+        main()
+    assert "usage: release.py [-h] version" in capsys.readouterr().out
 
 
 def test_a_tag_has_to_say_what_is_built() -> None:
