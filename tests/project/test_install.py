@@ -27,7 +27,7 @@ from tools.install_lines import Line, lines
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # Of somebody else, on the index of Python packages.
-FOREIGN = {"MAVProxy", "duckdb"}
+FOREIGN = {"MAVProxy", "duckdb", "pre-commit"}
 ROS = ROOT / "ros" / "soter"
 bringers = cache(packages_distributions)
 
