@@ -6,6 +6,7 @@ import gc
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -182,15 +183,19 @@ def test_the_notebook_of_the_examples_runs(tmp_path: Path) -> None:
     for library in ("nbclient", "ipykernel", "pandas", "matplotlib"):
         pytest.importorskip(library)
     notebook, written = ROOT / "examples" / "notebook.ipynb", tmp_path / "done.ipynb"
+    # It draws a picture into its folder.
+    folder = shutil.copytree(notebook.parent, tmp_path / "examples")
     paths = os.pathsep.join((str(ROOT), str(ROOT / "sim")))
     done = subprocess.run(
-        [sys.executable, "-c", EXECUTE, notebook, notebook.parent, written],
+        [sys.executable, "-c", EXECUTE, notebook, folder, written],
         env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     cells = [cell for cell in json.loads(written.read_text())["cells"] if cell["cell_type"] == "code"]
     assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
-    assert any("image/png" in output.get("data", {}) for cell in cells for output in cell["outputs"])
+    shown = {cell["source"][-1]: cell["outputs"][0]["data"] for cell in cells if cell["outputs"]}
+    assert "text/html" in shown["run"]
+    assert "image/png" in shown['Image("run.png")']
     # What is kept in the repository has no outputs, so that a change of it is a change of code.
     kept = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
     assert not any(cell["outputs"] for cell in kept)
