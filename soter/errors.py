@@ -118,18 +118,22 @@ class IllFormedModule(SoterError):
         condition: the condition that fails, such as "P3".
         message: the numbers, and a value that would do.
         would_do: that value, by the key of the module's table that it is for, where one key is enough.
+        remedy: that value in a few words, such as "Delta = 0.1 s"; empty where only the message says it.
 
     Attributes:
         why: the message alone.
     """
 
-    def __init__(self, module: str, condition: str, message: str, would_do: dict[str, float] | None = None) -> None:
-        self.module, self.condition, self.why, self.would_do = module, condition, message, would_do or {}
+    def __init__(
+        self, module: str, condition: str, message: str, would_do: dict[str, float] | None = None, remedy: str = ""
+    ) -> None:
+        self.module, self.condition, self.why = module, condition, message
+        self.would_do, self.remedy = would_do or {}, remedy
         super().__init__(f"module '{module}' is ill-formed ({condition}): {message}")
 
     def named(self, module: str) -> IllFormedModule:
         """Return the same failure under the name that a module has in its mission."""
-        return type(self)(module, self.condition, self.why, self.would_do)
+        return type(self)(module, self.condition, self.why, self.would_do, self.remedy)
 
 
 class RunFailed(SoterError):

@@ -10,7 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing.synchronize import Event
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from soter.config import load_mission
 from soter.config.tables import MODULES
@@ -81,25 +81,49 @@ class Variant:
 
 
 @dataclass(frozen=True)
+class Refusal:
+    """Why a variant is ill-formed.
+
+    Attributes:
+        text: all of it.
+        condition: the condition that fails, such as "P3"; empty for what no mission can be.
+        remedy: what would do, in few words; the text where there are none.
+    """
+
+    text: str
+    condition: str
+    remedy: str
+
+    @classmethod
+    def of(cls, failure: IllFormedModule | ConfigError) -> Self:
+        """Return a refusal that can be sent to another process, which the exception cannot."""
+        text = str(failure)
+        if isinstance(failure, ConfigError):
+            return cls(text, "", text)
+        remedy = f"{failure.remedy} would do for {failure.module}" if failure.remedy else text
+        return cls(text, failure.condition, remedy)
+
+
+@dataclass(frozen=True)
 class VariantRun:
     """One run of a variant, or why there was none.
 
     Attributes:
         result: the figures; None if nothing was run.
-        ill_formed: why the variant is refused; empty for a well-formed one.
+        refusal: why the variant is refused, or would be if it were not forced; None for a well-formed one.
         failure: why there is no result although it is not refused; empty if there is one.
     """
 
     variant: Variant
     seed: int
     result: RunResult | None = None
-    ill_formed: str = ""
+    refusal: Refusal | None = None
     failure: str = ""
 
     @property
     def breaks_promise(self) -> bool:
         """Whether a rule was broken that the declared modules promise to keep."""
-        intact = self.variant.intact and not self.ill_formed
+        intact = self.variant.intact and self.refusal is None
         return intact and self.result is not None and self.result.violated
 
 
@@ -161,21 +185,17 @@ class Plan:
 
     def run(self, variant: Variant, seed: int, stop: Callable[[], bool] = lambda: False) -> VariantRun:
         """Run one variant once. Errors become part of the outcome."""
-        refusals: list[str] = []
-
-        def note(refusal: IllFormedModule) -> None:
-            refusals.append(str(refusal))
-
+        forced: list[IllFormedModule] = []
         try:
             mission = load_mission(self.mission, {**self.overrides, **variant.overrides, "seed": seed})
-            study = Study(variant.deltas, variant.safer_alone, note if self.force else None)
+            study = Study(variant.deltas, variant.safer_alone, forced.append if self.force else None)
             result = run_mission(mission, follower=Follower(stop=stop), study=study).result
         except (IllFormedModule, ConfigError) as refusal:
-            return VariantRun(variant, seed, ill_formed=str(refusal))
+            return VariantRun(variant, seed, refusal=Refusal.of(refusal))
         except SoterError as error:
             return VariantRun(variant, seed, failure=str(error))
         failure = result.failure if result.status == "failed" else ""
-        return VariantRun(variant, seed, result, refusals[0] if refusals else "", failure)
+        return VariantRun(variant, seed, result, Refusal.of(forced[0]) if forced else None, failure)
 
 
 _stop: Event | None = None

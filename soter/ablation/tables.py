@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from soter.ablation.ablate import Variant, VariantRun
+from soter.ablation.ablate import Refusal, Variant, VariantRun
 from soter.runner.result import RunResult
 from soter.sdk import RULES
 
@@ -65,6 +65,19 @@ class VariantRow:
         """Targets reached per robot-hour; None if nothing was run."""
         return _per_hour(self.results, [result.targets_reached for result in self.results])
 
+    @property
+    def refusal(self) -> Refusal | None:
+        """Why the variant is ill-formed; None if it is not."""
+        return next((outcome.refusal for outcome in self.outcomes if outcome.refusal is not None), None)
+
+    @property
+    def mark(self) -> str:
+        """What was done with an ill-formed variant, such as `refused (P3)`; empty for a well-formed one."""
+        if self.refusal is None:
+            return ""
+        done = "forced" if self.results else "refused"
+        return f"{done} ({self.refusal.condition})" if self.refusal.condition else done
+
     def cells(self, ac_only: float | None) -> list[str]:
         """Return the table's line; `ac_only` is the throughput of the AC alone, to compare with."""
         results, remark = self.results, self._remark()
@@ -92,12 +105,11 @@ class VariantRow:
         return [f"{name} {sum((r.violations or {}).get(name, 0) for r in self.results)}" for name in names]
 
     def _remark(self) -> str:
-        refusal = next((outcome.ill_formed for outcome in self.outcomes if outcome.ill_formed), "")
         failure = next((outcome.failure for outcome in self.outcomes if outcome.failure), "")
         if failure:
             return f"FAILED: {failure}"
-        if refusal:
-            return f"{'FORCED, ill-formed' if self.results else 'refused'}: {refusal}"
+        if self.refusal is not None:
+            return f"{self.mark}: {self.refusal.remedy}"
         return "BREAKS ITS PROMISE" if any(outcome.breaks_promise for outcome in self.outcomes) else ""
 
 

@@ -93,7 +93,7 @@ def refused_at(
         why += f"; or backends.{mission.backend}.speedup = {fits:g}, not {most:g}"
     # Where code has failed no figures would do.
     hint = "; `soter check` says which figures would do together" if "would do" in why else ""
-    return IllFormedModule(failure.module, failure.condition, f"{why}{hint}")
+    return IllFormedModule(failure.module, failure.condition, f"{why}{hint}", failure.would_do, failure.remedy)
 
 
 @dataclass(frozen=True)

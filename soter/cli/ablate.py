@@ -156,7 +156,8 @@ def _show(found: Sequence[VariantRow], console: Console) -> None:
 
     compared = ac_only(found)
     lines: list[tuple[str | Text, ...]] = []
-    remarks, group = [], ""
+    remarks: list[str] = []
+    group = ""
     for row in found:
         name = row.variant.name
         if row.variant.group != group:
@@ -164,12 +165,17 @@ def _show(found: Sequence[VariantRow], console: Console) -> None:
             lines.append((Text(group, "bold"), *[""] * 6))
         _, violations, share, rate, margins, _, of_ac, remark = row.cells(compared)
         if remark:
-            remarks.append(f"{group}/{name}: {remark}")
+            # What would do for a module is the same for many variants: their lines in the table have the mark.
+            alike = row.mark and remark.startswith(row.mark)
+            remarks.append(remark if alike else f"{group}/{name}: {remark}")
         counts, least = violations.split(" / "), margins.split(" / ")
         own = counts[len(RULES) :]
         label = textwrap.wrap(name, _LABEL, initial_indent=" ", subsequent_indent=" ")
         if not row.results:
-            lines.append(("\n".join(label), "-", "", "", "", "", ""))
+            done, _, condition = row.mark.partition(" ")
+            lines.append(("\n".join(label), done or "failed", condition, "", "", "", ""))
+        elif row.mark:
+            label.append(f" {row.mark}")
         for index, rule in enumerate(RULES if row.results else ()):
             figures = (share, rate, of_ac) if index == 0 else ("", "", "")
             style = "" if counts[index] == "0" else "bold red"
@@ -178,8 +184,10 @@ def _show(found: Sequence[VariantRow], console: Console) -> None:
         lines += [("", each.rpartition(" ")[0], each.rpartition(" ")[2], "", "", "", "") for each in own]
     head = ("variant", "rule", "vio-\nlated", "least\nmargin", "AC\nshare", "diseng.\nper h", "reached,\nof AC")
     print_table(console, head, lines)
-    for remark in remarks:
+    for remark in dict.fromkeys(remarks):
         console.print(remark, soft_wrap=True)
+    if any(row.mark for row in found):
+        console.print("--json FILE has the reasons in full.")
 
 
 def _as_dict(outcome: VariantRun) -> dict[str, object]:
@@ -191,8 +199,8 @@ def _as_dict(outcome: VariantRun) -> dict[str, object]:
         "deltas": variant.deltas,
         "safer_alone": variant.safer_alone,
         "seed": outcome.seed,
-        "ill_formed": outcome.ill_formed,
-        "forced": bool(outcome.ill_formed) and result is not None,
+        "ill_formed": outcome.refusal.text if outcome.refusal else "",
+        "forced": outcome.refusal is not None and result is not None,
         "failure": outcome.failure,
         "result": None if result is None else result.model_dump(mode="json"),
     }

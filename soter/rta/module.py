@@ -318,25 +318,28 @@ class RTAModule:
                 f"{type(self.phi_safer).__name__}; it has to return the least margin of phi_safe in it, in {unit}",
             )
         needed = reach + noise + self.keep
-        remedy, instead = "no phi_safer", ""
+        remedy, in_short, instead = "no phi_safer", "", ""
         if self.most_edge is not None and needed > self.most_edge + _ROUNDING:
             instead = f", since its edge has a margin of at most {self.most_edge:.3f} {unit}"
             instead += f"; {self.instead} would" if self.instead else ""
         elif needed < math.inf:
             # Rounded up, so that this very value passes.
             remedy = f"a phi_safer whose edge has a margin of {math.ceil(needed * 1000.0 - 1e-6) / 1000.0:.3f} {unit}"
+            in_short = remedy
         wrong = f" and be wrong by {noise:.3f} {unit}" if noise > 0.0 else ""
         wrong += f" and {self.keep:.3f} {unit} is kept for the safe controller" if self.keep > 0.0 else ""
         by_lease = timing.silent_s(self.delta_s) > 2.0 * self.delta_s
         head = "the last look before the supervisor dies, the lease" if by_lease else "2 Delta"
         fits_s = self._largest_delta_s(model, edge - noise - self.keep, timing, base_tick_s)
         if fits_s is not None:
-            remedy += f", but Delta = {fits_s:g} s," if remedy.startswith("no") else f", or Delta = {fits_s:g} s,"
+            in_short = f"Delta = {fits_s:g} s"
+            remedy += f", but {in_short}," if remedy.startswith("no") else f", or {in_short},"
         raise IllFormedModule(
             self.name,
             "P3",
             f"within {head} + latency + age + jitter = {horizon_s:.3f} s the margin can fall by {reach:.3f} {unit}"
             f"{wrong}, but at the edge of phi_safer it is only {edge:.3f} {unit}; {remedy} would do{instead}",
+            remedy=in_short,
         )
 
     def _largest_delta_s(self, model: ReachModel, most: float, timing: Timing, base_tick_s: float) -> float | None:

@@ -21,7 +21,7 @@ from rich.console import Console
 from typer.testing import CliRunner, Result
 
 from soter.ablation import ablate
-from soter.ablation.ablate import Plan, Variant, VariantRun, variants
+from soter.ablation.ablate import Plan, Refusal, Variant, VariantRun, variants
 from soter.ablation.tables import GROUPS, HEAD, ac_only, markdown, rows
 from soter.cli import app
 from soter.cli.ablate import _show
@@ -110,17 +110,43 @@ def test_an_ill_formed_variant_is_refused_or_forced_and_marked() -> None:
     variant = named("Delta of collision", "1 s, mission")
     refused = plan().run(variant, 1)
     assert refused.result is None
-    assert "module 'collision' is ill-formed (P3)" in refused.ill_formed
+    assert refused.refusal is not None
+    assert "module 'collision' is ill-formed (P3)" in refused.refusal.text
     forced = plan(force=True).run(variant, 1)
     assert forced.result is not None
-    assert "P3" in forced.ill_formed
-    assert [row.cells(None)[-1].partition(":")[0] for row in rows([refused], [variant])] == ["refused"]
-    assert [row.cells(None)[-1].partition(":")[0] for row in rows([forced], [variant])] == ["FORCED, ill-formed"]
+    would_do = "Delta = 0.35 s would do for collision"
+    assert [row.cells(None)[-1] for row in rows([refused], [variant])] == [f"refused (P3): {would_do}"]
+    assert [row.cells(None)[-1] for row in rows([forced], [variant])] == [f"forced (P3): {would_do}"]
+
+
+def test_variants_refused_for_the_same_reason_share_a_line_below_the_table() -> None:
+    chosen = [
+        *(variant for variant in variants() if variant.group == "Delta of geofence"),
+        named("phi_safer of collision", "0.4"),
+    ]
+    file = io.StringIO()
+    _show(rows([plan().run(variant, 1) for variant in chosen], chosen), Console(file=file, width=80))
+    table, _, below = file.getvalue().partition("refused (P3): ")
+    assert re.findall(r"^ +4 s, mission +refused +\(P3\)", table, re.MULTILINE)
+    assert below.splitlines() == [
+        "Delta = 0.1 s would do for geofence",
+        "refused (P3): a phi_safer whose edge has a margin of 0.115 m would do for collision",
+        "--json FILE has the reasons in full.",
+    ]
+
+
+def test_a_forced_variant_is_marked_in_the_table() -> None:
+    variant = named("Delta of obstacle", "0.5 s, adversary:fastest-to-boundary")
+    file = io.StringIO()
+    _show(rows([plan(force=True).run(variant, 1)], [variant]), Console(file=file, width=80))
+    assert re.search(r"^ +forced \(P3\) +obstacle ", file.getvalue(), re.MULTILINE)
 
 
 def test_what_a_mission_cannot_be_is_refused_too() -> None:
     outcome = plan().run(Variant("x", "y", {"rta.collision.delta_s": 0.07}), 1)
-    assert "a multiple of base_tick_s" in outcome.ill_formed
+    assert outcome.refusal is not None
+    assert "a multiple of base_tick_s" in outcome.refusal.text
+    assert rows([outcome], [outcome.variant])[0].mark == "refused"
 
 
 def test_a_variant_that_fails_says_so() -> None:
@@ -170,7 +196,7 @@ def test_a_broken_promise_is_told_from_what_was_to_be_expected(result: RunResult
     broken = result.model_copy(update={"violations": {"battery": 0, "geofence": 1, "collision": 0, "obstacle": 0}})
     assert VariantRun(Variant("mission", "as declared"), 1, broken).breaks_promise
     assert not VariantRun(Variant("mission", "AC only", intact=False), 1, broken).breaks_promise
-    assert not VariantRun(Variant("mission", "as declared"), 1, broken, ill_formed="P3").breaks_promise
+    assert not VariantRun(Variant("mission", "as declared"), 1, broken, Refusal("", "P3", "")).breaks_promise
     found = rows([VariantRun(Variant("mission", "as declared"), 1, broken)], [Variant("mission", "as declared")])
     assert found[0].cells(None)[-1] == "BREAKS ITS PROMISE"
 
