@@ -152,7 +152,8 @@ def markdown(found: Sequence[VariantRow], command: str) -> str:
     )
     lines = [
         "# Ablation", "",
-        "What each part of the safety modules is worth: the same mission with one thing changed at a time. From", "",
+        "This page shows the worth of each part of the safety modules, with one thing changed at a time.",
+        "Its tables come from", "",
         "```sh", command, "```", "",
         f"{about} {_FIGURES}",
     ]  # fmt: skip
