@@ -81,7 +81,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Refusal:
+class VariantRefusal:
     """Why a variant is ill-formed.
 
     Attributes:
@@ -117,7 +117,7 @@ class VariantRun:
     variant: Variant
     seed: int
     result: RunResult | None = None
-    refusal: Refusal | None = None
+    refusal: VariantRefusal | None = None
     failure: str = ""
 
     @property
@@ -191,11 +191,11 @@ class Plan:
             study = Study(variant.deltas, variant.safer_alone, forced.append if self.force else None)
             result = run_mission(mission, follower=Follower(stop=stop), study=study).result
         except (IllFormedModule, ConfigError) as refusal:
-            return VariantRun(variant, seed, refusal=Refusal.of(refusal))
+            return VariantRun(variant, seed, refusal=VariantRefusal.of(refusal))
         except SoterError as error:
             return VariantRun(variant, seed, failure=str(error))
         failure = result.failure if result.status == "failed" else ""
-        return VariantRun(variant, seed, result, Refusal.of(forced[0]) if forced else None, failure)
+        return VariantRun(variant, seed, result, VariantRefusal.of(forced[0]) if forced else None, failure)
 
 
 _stop: Event | None = None

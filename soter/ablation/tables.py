@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from soter.ablation.ablate import Refusal, Variant, VariantRun
+from soter.ablation.ablate import Variant, VariantRefusal, VariantRun
 from soter.runner.result import RunResult
 from soter.sdk import RULES
 
@@ -66,7 +66,7 @@ class VariantRow:
         return _per_hour(self.results, [result.targets_reached for result in self.results])
 
     @property
-    def refusal(self) -> Refusal | None:
+    def refusal(self) -> VariantRefusal | None:
         """Why the variant is ill-formed; None if it is not."""
         return next((outcome.refusal for outcome in self.outcomes if outcome.refusal is not None), None)
 

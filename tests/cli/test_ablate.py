@@ -21,7 +21,7 @@ from rich.console import Console
 from typer.testing import CliRunner, Result
 
 from soter.ablation import ablate
-from soter.ablation.ablate import Plan, Refusal, Variant, VariantRun, variants
+from soter.ablation.ablate import Plan, Variant, VariantRefusal, VariantRun, variants
 from soter.ablation.tables import GROUPS, HEAD, ac_only, markdown, rows
 from soter.cli import app
 from soter.cli.ablate import _show
@@ -196,7 +196,7 @@ def test_a_broken_promise_is_told_from_what_was_to_be_expected(result: RunResult
     broken = result.model_copy(update={"violations": {"battery": 0, "geofence": 1, "collision": 0, "obstacle": 0}})
     assert VariantRun(Variant("mission", "as declared"), 1, broken).breaks_promise
     assert not VariantRun(Variant("mission", "AC only", intact=False), 1, broken).breaks_promise
-    assert not VariantRun(Variant("mission", "as declared"), 1, broken, Refusal("", "P3", "")).breaks_promise
+    assert not VariantRun(Variant("mission", "as declared"), 1, broken, VariantRefusal("", "P3", "")).breaks_promise
     found = rows([VariantRun(Variant("mission", "as declared"), 1, broken)], [Variant("mission", "as declared")])
     assert found[0].cells(None)[-1] == "BREAKS ITS PROMISE"
 
