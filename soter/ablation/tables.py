@@ -17,7 +17,7 @@ HEAD: Final = (
 
 GROUPS: Final[Mapping[str, str]] = {
     "mission": "The mission as it is declared, without any decision module, and with safe controllers alone.",
-    "without a module": "One module left out: its rule breaks, and the others hold.",
+    "without a module": "One module left out: nothing but the AC keeps its rule then. The other rules hold.",
     "Delta of": (
         "How often a module looks. `mission` is the mission's own machines, the others are adversaries. A variant is "
         "refused whose phi_safer lies within the reach bound: forced, it keeps the rule, because the AC gets control "
