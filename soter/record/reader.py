@@ -27,6 +27,7 @@ from soter.record.messages import AC, EVENTS, Event, RobotTick
 from soter.record.tracks import RunTracks
 from soter.record.unpack import Unpacker
 from soter.rta import SwitchRecord
+from soter.sdk import Violation
 
 MAX_RECORD_BYTES: Final = 1 << 26
 MAX_ATTACHED_BYTES: Final = 1 << 27
@@ -224,7 +225,12 @@ class Recording:
             )
             for each in content.switches
         ]  # fmt: skip
-        return RunTracks(self.workspace(), content.drivers, content.series, switches, self.safer_inset_m)
+        violations = tuple(
+            Violation(each.rule, each.robots, each.start_s, None if each.end_s is UNSET else each.end_s)
+            for each in content.violations
+        )
+        inset_m = self.safer_inset_m
+        return RunTracks(self.workspace(), content.drivers, content.series, switches, inset_m, violations)
 
     @property
     def safer_inset_m(self) -> float | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from soter.geometry.workspace import Workspace
 from soter.rta import SwitchRecord
+from soter.sdk import Violation
 
 
 @dataclass(slots=True)
@@ -48,6 +49,7 @@ class RunTracks:
         tracks: each robot's way, by id.
         switches: every change of control, in order.
         safer_inset_m: how far inside the fence phi_safer of the geofence begins; None without that module.
+        violations: every violation by ground truth; empty without it.
     """
 
     workspace: Workspace
@@ -55,3 +57,4 @@ class RunTracks:
     tracks: Mapping[int, Track]
     switches: list[SwitchRecord] = field(default_factory=list)
     safer_inset_m: float | None = None
+    violations: tuple[Violation, ...] = ()

@@ -10,7 +10,6 @@ from typing import Final
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.patches import Rectangle
 from PIL import Image
 
 from soter.record.tracks import RunTracks
@@ -93,7 +92,7 @@ def _veil(axes: Axes, moment_s: float, end: float) -> list[Artist]:
     """Veil the part of a time line after a moment."""
     unit_s, _ = time_unit(end)
     now, last = moment_s / unit_s, end / unit_s
-    veil = axes.add_patch(Rectangle((now, 0.0), last - now, 1.52, fc="white", alpha=0.8, ec="none", zorder=8))
+    veil = axes.axvspan(now, last, fc="white", alpha=0.8, ec="none", zorder=8)
     line = axes.axvline(now, color=INK, lw=1.0, zorder=9)
     for each in (veil, line):
         axes.draw_artist(each)

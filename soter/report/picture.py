@@ -20,6 +20,7 @@ from soter.report.colours import MODULES, ROBOTS, driver_colour
 from soter.report.ground import BOX, CHARGER, INK, SOFT, STRIP, png_of, styled
 from soter.report.plan import (
     ALARM,
+    BROKEN_PT,
     draw_place,
     draw_remark,
     draw_rule,
@@ -43,6 +44,7 @@ _LINES_PX: Final = 124.0
 _MOST_PLAN_PX: Final = 880.0
 _COLUMN_PX: Final = 108.0
 _KEY_ROW_PX: Final = 34.0
+_LEAST_PX: Final = 3.0
 _FAINT = "#D9DCE1"
 
 
@@ -194,6 +196,11 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
             ]),
             ("given back to the AC", lambda y: [disc(18.0, y, 4, mfc="white", mec=robot, mew=0.9)]),
         ]  # fmt: skip
+    if run.violations:
+        samples.append(("began to break a rule", lambda y: [
+            disc(8.0, y, BROKEN_PT, mfc="none", mec=ALARM, mew=1.4),
+            Rectangle((20.0, y - 3.0), 14.0, 6.0, fc=ALARM, ec="none"),
+        ]))  # fmt: skip
     samples.append(("kept out", lambda y: [patch(y, fc=BOX, ec="none")]))
     samples.append(("charger", lambda y: [patch(y, fc=CHARGER, ec=MODULES["battery"], lw=1.0)]))
     if run.safer_inset_m is not None:
@@ -215,15 +222,16 @@ def _mark_samples(run: RunTracks, caption: Caption) -> list[tuple[str, Any]]:
 
 
 def _time_line(axes: Axes, run: RunTracks, robot_id: int, caption: Caption, end: float, *, last: bool) -> None:
-    """Draw one robot's time line: the driver as a band on top, the charge as a curve below."""
+    """Draw one robot's time line: violations on top, the driver as a band, the charge as a curve below."""
     track, colour = run.tracks[robot_id], robot_colour(run, robot_id)
     unit_s, unit = time_unit(end)
     axes.set_xlim(0.0, end / unit_s)
-    axes.set_ylim(0.0, 1.52)
+    axes.set_ylim(0.0, 1.8)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     axes.spines["bottom"].set_color(_FAINT)
     _band(axes, run, track, colour, unit_s)
+    _violations(axes, run, robot_id, end, unit_s)
     _charge(axes, track, caption, unit_s)
     axes.set_yticks([0.0, 1.0], ["0", "100 %"])
     axes.tick_params(axis="y", length=0, labelsize=7, labelcolor=SOFT)
@@ -247,6 +255,17 @@ def _band(axes: Axes, run: RunTracks, track: Track, colour: str, unit_s: float) 
             spans, (1.14, 0.38), fc=colour if driver == 0 else driver_colour(run.drivers[driver]),
             alpha=0.28 if driver == 0 else 1.0, ec="none", zorder=2 if driver == 0 else 3,
         )  # fmt: skip
+
+
+def _violations(axes: Axes, run: RunTracks, robot_id: int, end: float, unit_s: float) -> None:
+    # The shortest one can be seen too.
+    least_s = end * _LEAST_PX / (_RIGHT_PX - _LINES_PX)
+    spans = [
+        (each.start_s / unit_s, max((end if each.end_s is None else each.end_s) - each.start_s, least_s) / unit_s)
+        for each in run.violations
+        if robot_id in each.robots
+    ]
+    axes.broken_barh(spans, (1.58, 0.22), fc=ALARM, ec="none", zorder=3)
 
 
 def _charge(axes: Axes, track: Track, caption: Caption, unit_s: float) -> None:

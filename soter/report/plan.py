@@ -13,12 +13,15 @@ from soter.record.tracks import RunTracks
 from soter.report.caption import Margins, Remark
 from soter.report.colours import ac_colour, driver_colour
 from soter.report.ground import INK, OUTSIDE, SOFT, draw_ground
-from soter.report.strokes import end_s, marks, stretches
+from soter.report.strokes import broken_at, end_s, marks, stretches
 
 ALARM: Final = "#B3261E"
 
 _MARK_PT: Final = 13.0
 """Size of the marks of starts and ends, in points."""
+
+BROKEN_PT: Final = 9.0
+"""Size of the rings where a robot began to break a rule, in points."""
 
 Extent = tuple[float, float, float, float]
 """Low x and y, high x and y, in metres."""
@@ -74,6 +77,9 @@ def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> lis
                 _disc(axes, *start, colour, "white", 1.5 * _MARK_PT)
             _disc(axes, *start, "white", colour, _MARK_PT)
             _number(axes, *start, robot_id, "white")
+    # All of them, also those before the ways that are drawn: there ought to be none.
+    broken = broken_at(run)
+    axes.scatter([x for x, _ in broken], [y for _, y in broken], s=BROKEN_PT**2, fc="none", ec=ALARM, lw=1.4, zorder=9)
     if note:
         _note(axes, note, SOFT)
     return sorted((each for each in axes.get_children() if each not in before), key=Artist.get_zorder)

@@ -82,7 +82,10 @@ def until(run: RunTracks, time_s: float) -> RunTracks:
         tracks[robot_id] = Track(
             track.time_s[:end], track.x_m[:end], track.y_m[:end], track.battery[:end], track.driver[:end]
         )
-    return replace(run, tracks=tracks, switches=[switch for switch in run.switches if switch.time_s <= time_s])
+    return replace(
+        run, tracks=tracks, switches=[switch for switch in run.switches if switch.time_s <= time_s],
+        violations=tuple(violation for violation in run.violations if violation.start_s <= time_s),
+    )  # fmt: skip
 
 
 def shares(run: RunTracks) -> list[float]:
@@ -123,6 +126,19 @@ def marks(run: RunTracks, since_s: float) -> list[Mark]:
         place = place_at(track, switch.time_s)
         if place is not None:
             found.append(Mark(switch.robot_id, *place, switch.after))
+    return found
+
+
+def broken_at(run: RunTracks) -> list[tuple[float, float]]:
+    """Return where the robots were, x and y in metres, when they began to break a rule."""
+    found = []
+    for violation in run.violations:
+        for robot_id in violation.robots:
+            # Ground truth also judges the robots of other processes.
+            track = run.tracks.get(robot_id)
+            place = None if track is None else place_at(track, violation.start_s)
+            if place is not None:
+                found.append(place)
     return found
 
 

@@ -17,6 +17,7 @@ from soter.geometry.workspace import Workspace
 from soter.isolation.supervisor_end import BEGIN_S
 from soter.record.about import Setup
 from soter.record.recorder import Recorder, TargetLog
+from soter.record.tracks import RunTracks
 from soter.rta import RemotePeer, Watch
 from soter.runner.metrics import Metrics, breach_figures, counts, fault_figures, module_figures
 from soter.runner.mission_host import MissionHost, OwnRoom, Scene, arrival_m
@@ -285,6 +286,12 @@ class Loop:
         if report is None or self.truth is None:
             return None
         return {rule: report.count(rule) for rule in self.truth.rules}
+
+    @property
+    def tracks(self) -> RunTracks:
+        """The ways of the robots, with what ground truth saw broken."""
+        report = self._report()
+        return replace(self.metrics.tracks, violations=() if report is None else report.violations)
 
     @staticmethod
     def _min_margin(report: TruthReport | None) -> dict[str, float] | None:

@@ -139,7 +139,7 @@ def run_mission(
         if loop.begin(follower):
             status, failure_text = loop.run(follower)
         engine = getattr(config, "engine", None)
-        run = Run(loop.result(status, failure_text, engine), loop.metrics.tracks, falls=tuple(loop.falls))
+        run = Run(loop.result(status, failure_text, engine), loop.tracks, falls=tuple(loop.falls))
         if recorder is not None:
             recorder.finish(run.result.model_dump_json(indent=2).encode())
     return run if recorder is None else replace(run, recording=recorder.close())
@@ -201,4 +201,4 @@ def _run_task_planner(part: Part, workspace: Workspace, follower: Follower) -> R
         status, failure = "interrupted", ""
         if loop.begin(follower):
             status, failure = loop.run(follower)
-        return Run(loop.result(status, failure, None), loop.metrics.tracks)
+        return Run(loop.result(status, failure, None), loop.tracks)

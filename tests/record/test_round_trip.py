@@ -185,10 +185,12 @@ def test_stalls_are_told_once_they_are_long_and_again_when_they_end() -> None:
 
 def test_violations_are_recorded_while_they_happen_and_at_the_end(tmp_path: Path) -> None:
     run = recorded(tmp_path / "run.mcap", duration_s=900.0, targets="hostile", seed=1, rta__enabled=False)
-    content = Recording(tmp_path / "run.mcap").content()
+    recording = Recording(tmp_path / "run.mcap")
+    content = recording.content()
     assert run.result.violations is not None
     assert Counter(each.rule for each in content.violations) == +Counter(run.result.violations)
     assert any(each.end_s is not msgspec.UNSET and each.end_s > each.start_s for each in content.violations)
+    assert set(recording.tracks().violations) == set(run.tracks.violations)
     assert run.result.modules == ()
     assert content.series[1].margins == {}
 

@@ -14,17 +14,21 @@ import pytest
 
 from soter.record.tracks import RunTracks
 from soter.report.caption import Caption, Margins, Remark, Rule
+from soter.sdk import Violation
 from tests.project.source import ROOT
 from tests.report.conftest import make_run
 
 pytest.importorskip("matplotlib")
 
-from matplotlib.collections import LineCollection
+from matplotlib.axes import Axes
+from matplotlib.collections import Collection, LineCollection, PathCollection, PolyCollection
+from matplotlib.colors import to_hex
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 
 from soter.report.colours import driver_colour
 from soter.report.picture import HEIGHT_PX, MOST_ROWS, WIDTH_PX, draw_png, make_figure
+from soter.report.plan import ALARM
 
 CAPTION = Caption(
     title="warehouse: a test",
@@ -121,6 +125,53 @@ def test_what_lies_outside_the_fence_is_on_the_map(run: RunTracks) -> None:
     low, high = make_figure(run, CAPTION).axes[0].get_ylim()
     assert low < -2.5
     assert high > run.workspace.depth_m
+
+
+def red_rings(figure: Figure) -> list[list[float]]:
+    """Where red rings are on the map, in metres."""
+    rings = [each for each in figure.axes[0].collections if isinstance(each, PathCollection) and is_red(each)]
+    return [
+        place for each in rings if not len(each.get_facecolor()) for place in np.asarray(each.get_offsets()).tolist()
+    ]
+
+
+def red_ticks(line: Axes) -> list[tuple[float, float]]:
+    """The stretches of a time line that have red over them."""
+    bars = [each for each in line.collections if isinstance(each, PolyCollection) and is_red(each)]
+    across = [np.asarray(path.vertices)[:, 0] for each in bars for path in each.get_paths()]
+    return [(float(x.min()), float(x.max())) for x in across]
+
+
+def is_red(drawn: Collection) -> bool:
+    return {to_hex(each).upper() for each in (*drawn.get_edgecolor(), *drawn.get_facecolor())} == {ALARM}
+
+
+@pytest.mark.parametrize("count", [1, 12, 40])
+def test_violations_are_rings_on_the_map_and_ticks_over_the_time_lines(run: RunTracks, count: int) -> None:
+    begins_s = [0.2 * index for index in range(count)]
+    run.violations = tuple(Violation("geofence", (1,), begin_s, begin_s + 0.001) for begin_s in begins_s)
+    figure = make_figure(run, CAPTION)
+    assert np.array(red_rings(figure)) == pytest.approx(np.array([[0.1 * begin_s, 1.0] for begin_s in begins_s]))
+    first, second = figure.axes[2:]
+    ticks = red_ticks(first)
+    assert [left for left, _ in ticks] == pytest.approx(begins_s)
+    assert min(right - left for left, right in ticks) * first.get_window_extent().width / 9.0 > 2.0
+    assert red_ticks(second) == []
+    assert texts(figure).count("began to break a rule") == 1
+
+
+def test_a_violation_of_two_robots_is_marked_at_both_and_may_last_to_the_end(run: RunTracks) -> None:
+    run.violations = (Violation("collision", (1, 2), 3.0, None),)
+    figure = make_figure(run, CAPTION)
+    assert np.array(red_rings(figure)) == pytest.approx(np.array([[0.3, 1.0], [0.3, 2.0]]))
+    assert [red_ticks(line) for line in figure.axes[2:]] == [[(3.0, 9.0)], [(3.0, 9.0)]]
+
+
+def test_without_violations_nothing_is_red(run: RunTracks) -> None:
+    figure = make_figure(run, CAPTION)
+    assert red_rings(figure) == []
+    assert [red_ticks(line) for line in figure.axes[2:]] == [[], []]
+    assert "began to break a rule" not in texts(figure)
 
 
 @pytest.mark.parametrize("robots", [1, 2, 6, 64])

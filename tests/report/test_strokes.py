@@ -12,6 +12,7 @@ from soter.report.strokes import (
     LONG_S,
     Mark,
     Stretch,
+    broken_at,
     end_s,
     marks,
     place_at,
@@ -22,6 +23,7 @@ from soter.report.strokes import (
     ways_since_s,
 )
 from soter.rta import SwitchRecord
+from soter.sdk import Violation
 from tests.report.conftest import make_run, make_track
 
 
@@ -78,6 +80,15 @@ def test_neither_the_start_nor_a_change_of_module_is_marked() -> None:
         SwitchRecord(2.0, 1, None, "geofence", "", "", ()),
     ]
     assert marks(run, 0.0) == [Mark(1, 0.2, 1.0, "geofence")]
+
+
+def test_a_violation_is_where_its_robots_were_when_it_began() -> None:
+    run = make_run(2)
+    run.violations = Violation("geofence", (2,), 4.5, 6.0), Violation("collision", (1, 2, 7), 8.0, None)
+    # Robot 7 is of another process.
+    assert [(round(x_m, 3), y_m) for x_m, y_m in broken_at(run)] == [(0.45, 2.0), (0.8, 1.0), (0.8, 2.0)]
+    assert broken_at(until(run, 4.6)) == [(0.4, 2.0)]
+    assert broken_at(until(run, 4.0)) == []
 
 
 def test_of_a_long_run_only_the_end_is_drawn(run: RunTracks) -> None:

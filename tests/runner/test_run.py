@@ -69,6 +69,7 @@ def test_without_one_module_its_own_rule_is_broken(left_out: str) -> None:
     modules = [name for name in MODULES if name != left_out]
     run = run_mission(mission(targets="hostile", **DRAINED, seed=2, rta__modules=modules), accept_unproved=True)
     assert violations(run)[left_out] > 0
+    assert len(run.tracks.violations) == sum(violations(run).values())
 
 
 def test_six_robots() -> None:
