@@ -34,6 +34,7 @@ MIDDLE_COLUMNS: Final = 80
 WIDE_COLUMNS: Final = 104
 """From this width on every module's margin has a column of its own."""
 
+DRIVER_STYLES: Final = {"AC": "blue", "starting": "dim"}
 MODULE_STYLES: Final = {"collision": "red", "obstacle": "magenta", "geofence": "yellow", "battery": "green"}
 
 
@@ -200,8 +201,8 @@ def _robot_table(robots: tuple[RobotProgress, ...], width: int) -> Table:
 
 
 def _driver(robot: RobotProgress) -> Text:
-    if robot.driver == "AC":
-        return Text("AC", "blue")
+    if robot.driver in DRIVER_STYLES:
+        return Text(robot.driver, DRIVER_STYLES[robot.driver])
     style = f"bold {MODULE_STYLES.get(robot.driver, 'red')}"
     return Text.assemble((robot.driver, style), f": {robot.cause}" if robot.cause else "")
 

@@ -2,7 +2,7 @@
 
 from soter.rta.actuator import Actuator
 from soter.rta.assumptions import Assumption, AssumptionLog, Breach, Worst
-from soter.rta.decision import STARTS, DecisionModule, Drivers
+from soter.rta.decision import BEGINS_S, DecisionModule, Drivers
 from soter.rta.fleet import PEER_SILENT_S, RemotePeer, StillPeers, Supervisor
 from soter.rta.models import (
     Directed,
@@ -27,8 +27,8 @@ from soter.rta.topics import Node, Topic
 from soter.rta.watch import SUPERVISOR, SwitchRecord, Watch
 
 __all__ = [
+    "BEGINS_S",
     "PEER_SILENT_S",
-    "STARTS",
     "SUPERVISOR",
     "Actuator",
     "Assumed",

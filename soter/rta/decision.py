@@ -21,6 +21,9 @@ from soter.rta.topics import Node, Topic
 STARTS: Final = "start"
 """The cause of a module that has been in SC since it was bound."""
 
+BEGINS_S: Final = 2.0
+"""How long a module may stay in its initial SC before that counts as having fired."""
+
 
 class Permission(Protocol):
     """The arbiter's say in giving a robot back to its AC."""
@@ -145,6 +148,10 @@ class DecisionModule:
             self._judged_ok_since_s = math.nan
         elif math.isnan(self._judged_ok_since_s):
             self._judged_ok_since_s = situation.now_s
+
+    def begins(self, now_s: float) -> bool:
+        """Return whether it is in SC only because every module begins there, which for a while says nothing."""
+        return self.mode is SC and self.cause == STARTS and not now_s - self.since_s > BEGINS_S
 
     def force(self, now_s: float, cause: str) -> None:
         """Go to SC, or stay there and restart the dwell, for a cause other than the margin."""

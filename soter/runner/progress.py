@@ -17,6 +17,9 @@ from soter.runner.metrics import Metrics
 NOBODY: Final = "nobody"
 """In place of a driver's name, for a robot that does not obey."""
 
+STARTING: Final = "starting"
+"""In place of a driver's name, for a robot whose AC has not had it yet, since every module begins in SC."""
+
 
 class RobotProgress(NamedTuple):
     """One robot at one moment.
@@ -25,8 +28,8 @@ class RobotProgress(NamedTuple):
         robot_id: which robot.
         x_m: east.
         y_m: north.
-        driver: "AC", the safety module that drives, or `NOBODY` while the robot is not under control.
-        cause: why a module drives, or why none does; empty while the AC drives.
+        driver: "AC", the safety module that drives, `NOBODY` while the robot is not under control, or `STARTING`.
+        cause: why a module drives, or why none does; empty else.
         battery: charge from 0 to 1, or None.
         margins: by module, the margin at its decision module's last look, in the module's unit.
         targets_reached: number so far.
@@ -101,8 +104,7 @@ def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple
             robot.robot_id,
             robot.situation.own.x_m,
             robot.situation.own.y_m,
-            NOBODY if robot.uncontrolled else AC if robot.driver is None else robot.driver.name,
-            robot.uncontrolled or ("" if robot.driver is None else robot.driver.cause),
+            *_driver(robot),
             robot.situation.own.battery,
             {module.name: module.margin for module in robot.modules},
             metrics.reached_by_robot[robot.robot_id],
@@ -110,6 +112,15 @@ def robot_progress(robots: Sequence[RobotSupervisor], metrics: Metrics) -> tuple
         )
         for robot in robots
     )
+
+
+def _driver(robot: RobotSupervisor) -> tuple[str, str]:
+    """Return who drives a robot, and why."""
+    if robot.uncontrolled:
+        return NOBODY, robot.uncontrolled
+    if robot.driver is None:
+        return AC, ""
+    return (STARTING, "") if robot.driver.begins(robot.situation.now_s) else (robot.driver.name, robot.driver.cause)
 
 
 _LAST_S: Final = 1.0

@@ -14,7 +14,6 @@ from soter.errors import IllFormedModule
 from soter.geometry.workspace import Workspace
 from soter.rta import (
     PEER_SILENT_S,
-    STARTS,
     Actuator,
     Assumed,
     DecisionModule,
@@ -42,9 +41,6 @@ from soter.stack.safe_controller import WAYPOINT
 from soter.stack.terrain import Terrain
 
 NEIGHBOUR_M: Final = 2.5
-
-_BEGINS_S: Final = 2.0
-"""How long the battery's module may stay in its initial SC before that counts as having fired."""
 
 
 @dataclass(frozen=True)
@@ -215,10 +211,8 @@ def assemble(
             own = supervisor.situation.own
             dock.path.track(own.x_m, own.y_m)
             if battery is not None:
-                in_sc = battery.mode is SC
-                # All modules begin in SC: for a while, that does not mean that the battery's module has fired.
-                dock.begins = in_sc and battery.cause == STARTS and not now_s - battery.since_s > _BEGINS_S
-                dock.wants_charge = wants = in_sc and not dock.begins
+                dock.begins = battery.begins(now_s)
+                dock.wants_charge = wants = battery.mode is SC and not dock.begins
                 waits = waits or wants
         if waits:
             contracts.look(now_s, bound, docks)

@@ -76,6 +76,13 @@ def test_a_wide_terminal_shows_every_margin_and_the_whole_cause() -> None:
         assert expected in text
 
 
+@pytest.mark.parametrize("width", [45, 80, 160])
+def test_a_robot_that_its_ac_has_not_had_yet_is_starting(width: int) -> None:
+    text = "\n".join(drawn(progress(robot(1)._replace(driver="starting")), width))
+    assert "starting" in text
+    assert "starting:" not in text
+
+
 def test_what_does_not_fit_on_the_terminal_is_counted() -> None:
     robots = [robot(index, "AC" if index % 2 else "battery") for index in range(1, 65)]
     lines = drawn(progress(*robots), 80, height=20)

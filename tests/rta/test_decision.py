@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from soter.rta import DecisionModule, Situation, SpeedBound, Timing
+from soter.rta import BEGINS_S, DecisionModule, Situation, SpeedBound, Timing
 from soter.sdk import Controller
 from tests.rta.doubles import NAN, SPEED, TICK_S, Above, At, module, situation
 
@@ -189,6 +189,16 @@ def test_it_starts_in_sc_and_gives_control_after_the_dwell() -> None:
     assert not any(made.decide(situation(10.0, now_s)) for now_s in times)
     assert made.decide(situation(10.0, 0.3))
     assert (made.mode, made.cause, made.since_s) == (Controller.AC, "", 0.3)
+
+
+def test_for_a_while_its_first_time_in_sc_means_nothing() -> None:
+    made = decision()
+    assert made.begins(0.0)
+    made.decide(situation(0.0, 0.1))
+    assert made.begins(0.1 + BEGINS_S)
+    assert not made.begins(0.2 + BEGINS_S)
+    assert not engaged().begins(0.3)
+    assert not disengaged().begins(0.4)
 
 
 def test_at_the_start_the_horizon_is_enough_and_phi_safer_not_needed() -> None:

@@ -20,6 +20,7 @@ from soter.config.tables import MODULES
 from soter.errors import BackendError, ConfigError, IllFormedModule, RunFailed
 from soter.missions.surveillance import Targets
 from soter.record.reader import Recording
+from soter.rta import BEGINS_S
 from soter.runner import Follower, Progress, Run, run_mission
 from soter.runner.watchdog import CutOff, Watchdog
 from soter.stack.planners import PlanRequest
@@ -137,6 +138,8 @@ def test_progress_is_reported() -> None:
     assert [robot.robot_id for robot in seen[-1].robots] == [1, 2]
     assert set(seen[-1].robots[0].margins) == {"collision", "obstacle", "geofence", "battery"}
     assert not math.isnan(seen[-1].robots[0].margins["geofence"])
+    assert {(robot.driver, robot.cause) for robot in seen[0].robots} == {("starting", "")}
+    assert "starting" not in {robot.driver for each in seen if each.time_s > BEGINS_S for robot in each.robots}
     assert [p.time_s for p in seen] == sorted(p.time_s for p in seen)
 
 
