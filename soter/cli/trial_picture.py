@@ -24,7 +24,7 @@ _CELLS: Final = 160
 def draw_trial(workspace: Workspace, trial: Attempt, module: RTAModule, title: str) -> bytes:
     """Return a trial of a module as the content of a PNG file, with the drivers and the place of the breach."""
     drivers = (AC, *dict.fromkeys(row.driver for row in trial.rows if row.driver != AC))
-    run = RunTracks(workspace, drivers, *tracks_of(trial, drivers))
+    run = RunTracks(workspace, drivers, *tracks_of(trial, drivers), begins=False)
     breach = trial.breaches[0] if trial.breaches else None
     if breach is None:
         return draw_png(run, Caption(title=title, alarming=True))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from soter.geometry.workspace import Workspace
-from soter.rta import SwitchRecord
+from soter.rta import BEGINS_S, SwitchRecord
 from soter.sdk import Violation
 
 
@@ -50,6 +50,7 @@ class RunTracks:
         switches: every change of control, in order.
         safer_inset_m: how far inside the fence phi_safer of the geofence begins; None without that module.
         violations: every violation by ground truth; empty without it.
+        begins: whether robots are starting at first, see `started_s`; not in trials, which judge that time, too.
     """
 
     workspace: Workspace
@@ -58,3 +59,20 @@ class RunTracks:
     switches: list[SwitchRecord] = field(default_factory=list)
     safer_inset_m: float | None = None
     violations: tuple[Violation, ...] = ()
+    begins: bool = True
+
+    def started_s(self, robot_id: int) -> float:
+        """Return until when a robot was starting; 0 if it never was."""
+        track = self.tracks[robot_id]
+        return started_s(track.time_s, track.driver) if self.begins else 0.0
+
+
+def started_s(time_s: Sequence[float], driver: Sequence[int]) -> float:
+    """Return until when a robot was starting: until its AC, with index 0, first drove, but for `BEGINS_S` at most.
+
+    Every module begins in SC, so that for a while it means nothing that one of them drives.
+    """
+    if not time_s:
+        return 0.0
+    first_ac_s = next((time for time, who in zip(time_s, driver, strict=True) if who == 0), math.inf)
+    return min(first_ac_s, time_s[0] + BEGINS_S)

@@ -21,11 +21,13 @@ from soter.report.ground import BOX, CHARGER, INK, SOFT, STRIP, png_of, styled
 from soter.report.plan import (
     ALARM,
     BROKEN_PT,
+    colour_of,
     draw_place,
     draw_remark,
     draw_rule,
     draw_ways,
     extent_of,
+    name_of,
     robot_colour,
     since_note,
 )
@@ -117,18 +119,20 @@ def _key(axes: Axes, run: RunTracks, caption: Caption, width_px: float) -> None:
     axes.set_xlim(0.0, width_px)
     axes.set_ylim(height_px, 0.0)
     samples = _mark_samples(run, caption)
-    rows = len(run.drivers) + len(samples) + (len(caption.rules) + 2 if caption.rules else 0) + 3
+    parts = shares(run)
+    rows = len(parts) + len(samples) + (len(caption.rules) + 2 if caption.rules else 0) + 3
     row_px = min(_KEY_ROW_PX, (height_px - 16.0) / rows)
     counted = bool(caption.disengagements)
     columns = (width_px - _COLUMN_PX, width_px) if counted else (width_px,)
     top = 16.0
     _heading(axes, top, "In control", width_px, dict(zip(columns, ("of the time", "took over"), strict=False)))
-    for driver, share in enumerate(shares(run)):
+    for driver, share in parts.items():
+        name = name_of(run, driver)
         top += row_px
         _driver_row(axes, top, run, driver, share, columns[0] - _COLUMN_PX)
         _cell(axes, columns[0], top, "< 1 %" if 0.0 < share < 0.005 else f"{100.0 * share:.0f} %")
-        if run.drivers[driver] in caption.disengagements:
-            _cell(axes, width_px, top, f"{caption.disengagements[run.drivers[driver]]} ×")
+        if name in caption.disengagements:
+            _cell(axes, width_px, top, f"{caption.disengagements[name]} ×")
     if caption.rules:
         top += 1.6 * row_px
         columns = (width_px - _COLUMN_PX, width_px)
@@ -159,15 +163,14 @@ def _heading(axes: Axes, y: float, text: str, width_px: float, columns: dict[flo
 
 
 def _driver_row(axes: Axes, y: float, run: RunTracks, driver: int, share: float, bar_end: float) -> None:
-    name = run.drivers[driver]
-    colours = [robot_colour(run, robot_id) for robot_id in sorted(run.tracks)][: len(ROBOTS)] if driver == 0 else []
-    colours = colours or [driver_colour(name)]
+    robots = sorted(run.tracks)[: len(ROBOTS) if driver == 0 else 1]
+    colours = [colour_of(run, robot_id, driver) for robot_id in robots] or [SOFT]
     for index, colour in enumerate(colours):
         # The robots' lines are thin and one above the other; a module's is one bold line.
         at = y + (index - 0.5 * (len(colours) - 1)) * min(6.0, 24.0 / len(colours))
         axes.add_line(Line2D([2.0, 34.0], [at, at], color=colour, solid_capstyle="round",
                              lw=1.3 if driver == 0 else 2.6))  # fmt: skip
-    axes.text(50.0, y, "AC, by robot" if driver == 0 else name, color=INK, fontsize=9.5, va="center")
+    axes.text(50.0, y, "AC, by robot" if driver == 0 else name_of(run, driver), color=INK, fontsize=9.5, va="center")
     start = 174.0
     axes.add_patch(Rectangle((start, y - 7.0), bar_end - start, 14.0, fc="#F0F1F4", ec="none"))
     axes.add_patch(Rectangle((start, y - 7.0), (bar_end - start) * share, 14.0, fc=colours[0], ec="none"))
@@ -230,7 +233,7 @@ def _time_line(axes: Axes, run: RunTracks, robot_id: int, caption: Caption, end:
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     axes.spines["bottom"].set_color(_FAINT)
-    _band(axes, run, track, colour, unit_s)
+    _band(axes, run, robot_id, unit_s)
     _violations(axes, run, robot_id, end, unit_s)
     _charge(axes, track, caption, unit_s)
     axes.set_yticks([0.0, 1.0], ["0", "100 %"])
@@ -245,27 +248,28 @@ def _time_line(axes: Axes, run: RunTracks, robot_id: int, caption: Caption, end:
         axes.text(1.004, 0.0, unit, transform=axes.transAxes, color=SOFT, fontsize=8, ha="left", va="center")
 
 
-def _band(axes: Axes, run: RunTracks, track: Track, colour: str, unit_s: float) -> None:
+def _band(axes: Axes, run: RunTracks, robot_id: int, unit_s: float) -> None:
+    track = run.tracks[robot_id]
     bars: dict[int, list[tuple[float, float]]] = {}
-    for driver, first, last in stretches(track):
+    for driver, first, last in stretches(track, started_s=run.started_s(robot_id)):
         start = track.time_s[first] / unit_s
         bars.setdefault(driver, []).append((start, track.time_s[last] / unit_s - start))
     for driver, spans in bars.items():
         axes.broken_barh(
-            spans, (1.14, 0.38), fc=colour if driver == 0 else driver_colour(run.drivers[driver]),
+            spans, (1.14, 0.38), fc=colour_of(run, robot_id, driver),
             alpha=0.28 if driver == 0 else 1.0, ec="none", zorder=2 if driver == 0 else 3,
         )  # fmt: skip
 
 
 def _violations(axes: Axes, run: RunTracks, robot_id: int, end: float, unit_s: float) -> None:
-    # The shortest one can be seen too.
+    # The shortest one can be seen too, also at the end.
     least_s = end * _LEAST_PX / (_RIGHT_PX - _LINES_PX)
     spans = [
         (each.start_s / unit_s, max((end if each.end_s is None else each.end_s) - each.start_s, least_s) / unit_s)
         for each in run.violations
         if robot_id in each.robots
     ]
-    axes.broken_barh(spans, (1.58, 0.22), fc=ALARM, ec="none", zorder=3)
+    axes.broken_barh(spans, (1.58, 0.22), fc=ALARM, ec="none", zorder=3, clip_on=False)
 
 
 def _charge(axes: Axes, track: Track, caption: Caption, unit_s: float) -> None:

@@ -13,7 +13,7 @@ from soter.record.tracks import RunTracks
 from soter.report.caption import Margins, Remark
 from soter.report.colours import ac_colour, driver_colour
 from soter.report.ground import INK, OUTSIDE, SOFT, draw_ground
-from soter.report.strokes import broken_at, end_s, marks, stretches
+from soter.report.strokes import STARTING, broken_at, end_s, marks, stretches
 
 ALARM: Final = "#B3261E"
 
@@ -30,6 +30,18 @@ Extent = tuple[float, float, float, float]
 def robot_colour(run: RunTracks, robot_id: int) -> str:
     """Return the colour of a robot in AC."""
     return ac_colour(sorted(run.tracks).index(robot_id))
+
+
+def name_of(run: RunTracks, driver: int) -> str:
+    """Return the name of a driver, see `Stretch`."""
+    return "starting" if driver == STARTING else run.drivers[driver]
+
+
+def colour_of(run: RunTracks, robot_id: int, driver: int) -> str:
+    """Return the colour of a robot while a driver has it, see `Stretch`."""
+    if driver == STARTING:
+        return SOFT
+    return robot_colour(run, robot_id) if driver == 0 else driver_colour(run.drivers[driver])
 
 
 def extent_of(run: RunTracks) -> Extent:
@@ -96,12 +108,12 @@ def _ways(axes: Axes, run: RunTracks, since_s: float) -> None:
     fine = 1.0 if crowd < 3.0 else 0.8
     for robot_id, track in sorted(run.tracks.items()):
         by_driver: dict[int, list[list[tuple[float, float]]]] = {}
-        for driver, first, last in stretches(track, since_s):
+        for driver, first, last in stretches(track, since_s, run.started_s(robot_id)):
             points = list(zip(track.x_m[first : last + 1], track.y_m[first : last + 1], strict=True))
             by_driver.setdefault(driver, []).append(points)
         for driver, ways in by_driver.items():
             ac = driver == 0
-            colour = robot_colour(run, robot_id) if ac else driver_colour(run.drivers[driver])
+            colour = colour_of(run, robot_id, driver)
             axes.add_collection(LineCollection(
                 ways, colors=colour, linewidths=(1.1 if ac else 2.4) * fine, alpha=0.6 if ac else 0.9,
                 zorder=3 if ac else 4, capstyle="round", joinstyle="round",

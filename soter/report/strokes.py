@@ -23,11 +23,15 @@ CROWD_S: Final = 720.0
 LEAST_S: Final = 60.0
 
 
+STARTING: Final = -1
+"""In place of a driver, while a robot is starting."""
+
+
 class Stretch(NamedTuple):
     """Neighbouring samples with one driver.
 
     Attributes:
-        driver: index into `RunTracks.drivers`.
+        driver: index into `RunTracks.drivers`, or `STARTING`.
         first: index of the first sample.
         last: index of the last; the first of the next stretch, so that there is no gap between them.
     """
@@ -46,11 +50,12 @@ class Mark(NamedTuple):
     module: str | None
 
 
-def stretches(track: Track, since_s: float = -math.inf) -> list[Stretch]:
-    """Return the stretches of a robot with one driver each, in order, from a time on."""
+def stretches(track: Track, since_s: float = -math.inf, started_s: float = 0.0) -> list[Stretch]:
+    """Return the stretches of a robot with one driver each, in order, from a time on; it is starting until another."""
     first = bisect_left(track.time_s, since_s)
     found: list[Stretch] = []
-    driver, count = track.driver, len(track.time_s)
+    started, count = bisect_left(track.time_s, started_s), len(track.time_s)
+    driver = [STARTING] * started + list(track.driver[started:])
     for index in range(first + 1, count):
         if driver[index] != driver[first]:
             found.append(Stretch(driver[first], first, index))
@@ -88,14 +93,14 @@ def until(run: RunTracks, time_s: float) -> RunTracks:
     )  # fmt: skip
 
 
-def shares(run: RunTracks) -> list[float]:
-    """Return the part of the robots' time in which each driver was in control; they add up to 1, or are all 0."""
-    spent = [0.0] * len(run.drivers)
-    for track in run.tracks.values():
-        for driver, first, last in stretches(track):
-            spent[driver] += track.time_s[last] - track.time_s[first]
-    total = sum(spent)
-    return [part / total for part in spent] if total > 0.0 else spent
+def shares(run: RunTracks) -> dict[int, float]:
+    """Return the part of the robots' time by driver, see `Stretch`; all parts add up to 1, or are all 0."""
+    spent = dict.fromkeys(range(len(run.drivers)), 0.0)
+    for robot_id, track in run.tracks.items():
+        for driver, first, last in stretches(track, started_s=run.started_s(robot_id)):
+            spent[driver] = spent.get(driver, 0.0) + track.time_s[last] - track.time_s[first]
+    total = sum(spent.values())
+    return {driver: part / total for driver, part in spent.items()} if total > 0.0 else spent
 
 
 def place_at(track: Track, time_s: float) -> tuple[float, float] | None:
@@ -119,9 +124,10 @@ def marks(run: RunTracks, since_s: float) -> list[Mark]:
     for switch in run.switches:
         track = run.tracks.get(switch.robot_id)
         between_modules = (switch.before is None) == (switch.after is None)
-        # Every module starts in SC, so that the first hand-over to the AC means nothing.
-        starts = switch.after is None and switch.time_s <= 0.0
-        if track is None or between_modules or starts or switch.time_s < since_s:
+        if track is None or between_modules or switch.time_s < since_s:
+            continue
+        # The first hand-over to the AC means nothing.
+        if switch.time_s <= run.started_s(switch.robot_id):
             continue
         place = place_at(track, switch.time_s)
         if place is not None:

@@ -22,11 +22,12 @@ pytest.importorskip("matplotlib")
 
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection, LineCollection, PathCollection, PolyCollection
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 
 from soter.report.colours import driver_colour
+from soter.report.ground import SOFT
 from soter.report.picture import HEIGHT_PX, MOST_ROWS, WIDTH_PX, draw_png, make_figure
 from soter.report.plan import ALARM
 
@@ -75,8 +76,8 @@ def test_the_same_run_gives_the_same_picture(run: RunTracks) -> None:
 
 def test_the_caption_is_set(run: RunTracks) -> None:
     found = texts(make_figure(run, CAPTION))
-    for expected in (CAPTION.title, CAPTION.details, "AC, by robot", "collision", "geofence", "67 %", "22 %", "11 %",
-                     "3 ×", "-0.100 m", "12.0 %", "charger", "given back to the AC"):  # fmt: skip
+    for expected in (CAPTION.title, CAPTION.details, "AC, by robot", "collision", "geofence", "67 %", "11 %",
+                     "starting", "3 ×", "-0.100 m", "12.0 %", "charger", "given back to the AC"):  # fmt: skip
         assert expected in found
     assert any(all(figure in text for figure in CAPTION.figures) for text in found)
 
@@ -94,12 +95,19 @@ def test_a_robot_that_ends_where_it_began_shows_both(run: RunTracks) -> None:
 
 def test_ways_are_coloured_by_who_was_in_control(run: RunTracks) -> None:
     found = ways(make_figure(run, CAPTION))
-    # Two robots, three drivers each: 4 + 1 samples of the AC in two pieces, and so on.
-    assert len(found) == 6
+    # Two robots, three drivers each, and a piece while they were starting.
+    assert len(found) == 8
     pieces = {(round(float(np.ravel(way.get_linewidth())[0]), 1), len(way.get_segments())) for way in found}
-    assert pieces == {(1.1, 2), (2.4, 2), (2.4, 1)}
+    assert pieces == {(1.1, 2), (2.4, 1)}
     colours = {tuple(np.ravel(way.get_color())[:3]) for way in found}
-    assert len(colours) == 4
+    assert len(colours) == 5
+    assert to_rgb(SOFT) in colours
+
+
+def test_a_time_line_is_grey_while_its_robot_is_starting(run: RunTracks) -> None:
+    line = make_figure(run, CAPTION).axes[2]
+    grey = [each for each in line.collections if colours_of(each) == {SOFT}]
+    assert [np.asarray(path.vertices)[:, 0].max() for each in grey for path in each.get_paths()] == [1.0]
 
 
 def test_every_robot_has_a_time_line(run: RunTracks) -> None:
@@ -129,7 +137,9 @@ def test_what_lies_outside_the_fence_is_on_the_map(run: RunTracks) -> None:
 
 def red_rings(figure: Figure) -> list[list[float]]:
     """Where red rings are on the map, in metres."""
-    rings = [each for each in figure.axes[0].collections if isinstance(each, PathCollection) and is_red(each)]
+    rings = [
+        each for each in figure.axes[0].collections if isinstance(each, PathCollection) and colours_of(each) == {ALARM}
+    ]
     return [
         place for each in rings if not len(each.get_facecolor()) for place in np.asarray(each.get_offsets()).tolist()
     ]
@@ -137,13 +147,13 @@ def red_rings(figure: Figure) -> list[list[float]]:
 
 def red_ticks(line: Axes) -> list[tuple[float, float]]:
     """The stretches of a time line that have red over them."""
-    bars = [each for each in line.collections if isinstance(each, PolyCollection) and is_red(each)]
+    bars = [each for each in line.collections if isinstance(each, PolyCollection) and colours_of(each) == {ALARM}]
     across = [np.asarray(path.vertices)[:, 0] for each in bars for path in each.get_paths()]
     return [(float(x.min()), float(x.max())) for x in across]
 
 
-def is_red(drawn: Collection) -> bool:
-    return {to_hex(each).upper() for each in (*drawn.get_edgecolor(), *drawn.get_facecolor())} == {ALARM}
+def colours_of(drawn: Collection) -> set[str]:
+    return {to_hex(each).upper() for each in (*drawn.get_edgecolor(), *drawn.get_facecolor())}
 
 
 @pytest.mark.parametrize("count", [1, 12, 40])

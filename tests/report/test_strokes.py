@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from soter.record.tracks import RunTracks, Track
@@ -10,6 +12,7 @@ from soter.report.strokes import (
     LAST_S,
     LEAST_S,
     LONG_S,
+    STARTING,
     Mark,
     Stretch,
     broken_at,
@@ -22,7 +25,7 @@ from soter.report.strokes import (
     until,
     ways_since_s,
 )
-from soter.rta import SwitchRecord
+from soter.rta import BEGINS_S, SwitchRecord
 from soter.sdk import Violation
 from tests.report.conftest import make_run, make_track
 
@@ -38,20 +41,39 @@ def test_stretches_from_a_time_on() -> None:
     assert stretches(make_track(1, "1000200"), 99.0) == []
 
 
+def test_a_robot_is_starting_until_its_ac_first_has_it() -> None:
+    run = make_run(1, "110100", 0.5)
+    assert run.started_s(1) == 1.0
+    assert stretches(run.tracks[1], started_s=1.0) == [
+        Stretch(STARTING, 0, 2), Stretch(0, 2, 3), Stretch(1, 3, 4), Stretch(0, 4, 5),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("drivers", ["111111", "1", "111110"])
+def test_a_robot_that_a_module_has_for_long_is_not_starting_any_more(drivers: str) -> None:
+    assert make_run(1, drivers).started_s(1) == BEGINS_S
+
+
+def test_without_modules_and_in_trials_no_robot_is_starting() -> None:
+    assert make_run(1, "0000").started_s(1) == 0.0
+    assert make_run(1, "").started_s(1) == 0.0
+    assert replace(make_run(1, "1100"), begins=False).started_s(1) == 0.0
+
+
 @pytest.mark.parametrize(("drivers", "count"), [("", 0), ("0", 0), ("00", 1), ("01", 1), ("011", 2)])
 def test_a_stretch_needs_two_samples(drivers: str, count: int) -> None:
     assert len(stretches(make_track(1, drivers))) == count
 
 
 def test_shares_add_up() -> None:
-    # Of each robot's 9 s the modules had 0 to 1 and 8 to 9, and 4 to 5; the AC had the rest.
-    assert shares(make_run()) == pytest.approx([6 / 9, 2 / 9, 1 / 9])
-    assert sum(shares(make_run(5, "0120120120"))) == pytest.approx(1.0)
+    # Each robot was starting for 1 s of its 9, and the modules had it from 4 to 5 and from 8 to 9; the AC had the rest.
+    assert shares(make_run()) == pytest.approx({0: 6 / 9, 1: 1 / 9, 2: 1 / 9, STARTING: 1 / 9})
+    assert sum(shares(make_run(5, "0120120120")).values()) == pytest.approx(1.0)
 
 
 def test_shares_of_nothing_are_nothing() -> None:
     empty = make_run(1, "")
-    assert shares(empty) == [0.0, 0.0, 0.0]
+    assert shares(empty) == {0: 0.0, 1: 0.0, 2: 0.0}
     assert end_s(empty) == 0.0
 
 
@@ -66,15 +88,15 @@ def test_places_lie_between_samples() -> None:
 def test_marks_are_changes_between_ac_and_sc() -> None:
     run = make_run(1)
     assert [(mark.robot_id, round(mark.x_m, 3), mark.y_m, mark.module) for mark in marks(run, 0.0)] == [
-        (1, 0.1, 1.0, None), (1, 0.4, 1.0, "geofence"), (1, 0.5, 1.0, None), (1, 0.8, 1.0, "collision"),
+        (1, 0.4, 1.0, "geofence"), (1, 0.5, 1.0, None), (1, 0.8, 1.0, "collision"),
     ]  # fmt: skip
     assert len(marks(run, 4.5)) == 2
 
 
 def test_neither_the_start_nor_a_change_of_module_is_marked() -> None:
-    run = make_run(1, "0000")
+    run = make_run(1, "1000")
     run.switches = [
-        SwitchRecord(0.0, 1, "collision", None, "", "", ()),
+        SwitchRecord(0.9, 1, "collision", None, "", "", ()),
         SwitchRecord(1.0, 1, "collision", "geofence", "", "", ()),
         SwitchRecord(2.0, 7, None, "geofence", "", "", ()),
         SwitchRecord(2.0, 1, None, "geofence", "", "", ()),
