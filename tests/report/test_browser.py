@@ -16,6 +16,7 @@ import pytest
 
 from soter.record.reader import Recording
 from soter.report.page.html import make_page
+from soter.rta import BEGINS_S
 from tests.record.helpers import rewrite, standing
 from tests.report.chromium import NEEDED, moment, opened, until
 from tests.report.pages import DURATION_S, PHONE, Made, distance, page_of, pixel, rgb
@@ -152,7 +153,7 @@ def test_a_robot_is_drawn_where_it_is_in_the_colour_of_who_drives_it(browser: An
                 wanted = page.evaluate(
                     """(id) => {
                         const of = (all) => all.robots.find((each) => each.id === id);
-                        return soter.page.plan.colour(of(soter.run), of(soter.page.moment).driver);
+                        return soter.page.style.driving(soter.run, of(soter.run), of(soter.page.moment));
                     }""",
                     robot["id"],
                 )  # fmt: skip
@@ -288,13 +289,19 @@ def test_the_plan_zooms_and_pans(browser: Any, made: Made) -> None:
         assert page.evaluate(at, [1.0, 1.0]) == pytest.approx(before)
 
 
-def test_at_its_beginning_a_robot_is_starting(browser: Any, made: Made) -> None:
+def test_until_its_ac_has_first_had_it_a_robot_is_starting(browser: Any, made: Made) -> None:
+    assert all(series.driver[series.time_s.index(0.9)] != 0 for series in made.content.series.values())
     with opened(browser, made.path) as page:
-        assert {each["starting"] for each in moment(page)["robots"]} == {True}
-        assert "starting" in page.inner_text("#robots")
-        assert "module driving" not in page.inner_text("#robots")
-        page.keyboard.press("ArrowRight")
+        for time_s in (0.0, 0.5, 0.9):
+            page.evaluate("(timeS) => soter.player.seek(timeS)", time_s)
+            assert {each["starting"] for each in moment(page)["robots"]} == {True}
+            assert "starting" in page.inner_text("#robots")
+            assert "module" not in page.inner_text("#robots")
+        first = "soter.page.style.driving(soter.run, soter.run.robots[0], soter.run.robots[0].stretches[0])"
+        assert page.evaluate(f"{first} === soter.page.style.colours.soft")
+        page.evaluate("(timeS) => soter.player.seek(timeS)", BEGINS_S)
         assert {each["starting"] for each in moment(page)["robots"]} == {False}
+        assert "starting" not in page.inner_text("#robots")
 
 
 def test_the_table_can_be_narrowed(browser: Any, made: Made) -> None:

@@ -118,6 +118,7 @@ class Document:
                 "headingRad": column(robot.heading_rad, _HEADING_RAD, np.unwrap),
             },
             "stretches": self._rows(robot.stretches),
+            "startedS": robot.started_s,
             "bucketS": column(robot.bucket_s, _TIME_S),
             "charge": self._pair(robot.charge, _CHARGE),
             "modules": [

@@ -18,6 +18,7 @@ from soter.geometry.workspace import Workspace
 from soter.record.attachments import About, RobotAbout
 from soter.record.content import Content, RecordedWay, Series
 from soter.record.messages import AC, BreachEvent, GoalEvent, StallEvent, SwitchEvent, TargetEvent
+from soter.record.tracks import started_s
 from soter.report.page.pack import buckets, starts_of_runs
 from soter.report.page.rules import add_margins, modules_of
 
@@ -171,6 +172,11 @@ class RobotStory:
             column.add(numbers[-first % step :: step])
             if self._extra_pose:
                 column.add(numbers[last:])
+
+    @property
+    def started_s(self) -> float:
+        """Until when it was starting, see `soter.record.tracks.started_s`."""
+        return started_s([start for start, _ in self.stretches.values], [driver for _, driver in self.stretches.values])
 
     def halve_poses(self) -> None:
         """Keep every other pose, and the last one."""

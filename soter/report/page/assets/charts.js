@@ -136,11 +136,12 @@
       context.clip();
       // First the AC, then the modules on top, so that the shortest intervention has its pixel.
       for (const byModule of [false, true]) {
-        for (const { startS, endS, driver } of robot.stretches) {
-          if ((driver !== 0) !== byModule || endS < this.beginS || startS > this.endS) continue;
+        for (const stretch of robot.stretches) {
+          const { startS, endS } = stretch;
+          if ((stretch.driver !== 0) !== byModule || endS < this.beginS || startS > this.endS) continue;
           const left = this.x(startS);
           context.globalAlpha = byModule ? 1 : 0.32;
-          context.fillStyle = style.shade(byModule ? run.drivers[driver].colour : robot.colour);
+          context.fillStyle = style.driving(run, robot, stretch);
           context.fillRect(left, top, Math.max(byModule ? 1 : 0, this.x(endS) - left), band);
         }
       }

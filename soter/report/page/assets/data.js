@@ -6,7 +6,6 @@ window.soter = {};
   const MINUS_INFINITY = 2;
   const KINDS = { i1: Int8Array, i2: Int16Array, i4: Int32Array, f8: Float64Array };
   const LONGEST_GAP_S = 1.0; // across longer ones there is no straight line
-  const STARTING_S = 5.0; // every module begins in SC; for so long that says nothing
 
   async function inflated(base64) {
     const text = atob(base64);
@@ -79,6 +78,7 @@ window.soter = {};
       into(target, source, ["bucketS"]);
       source.modules.forEach((module, number) => into(target.modules[number], module, ["low", "high", "reach"]));
       for (const name of ["stretches", "targets"]) rows(target, source, name);
+      target.startedS = source.startedS;
     });
     for (const name of ["switches", "drops", "breaches", "stalls"]) rows(run, part, name);
     for (const name of ["title", "goesOn", "firstS", "lastS", "truth", "faults", "thinned", "summary"]) run[name] = part[name];
@@ -98,14 +98,22 @@ window.soter = {};
     run.truth.violations = run.truth.violations.map(([rule, robots, startS, endS]) => ({ rule, robots, startS, endS }));
     run.events = [...run.disengagements.map((each) => each.timeS), ...run.truth.violations.map((each) => each.startS)].sort((a, b) => a - b);
     for (const robot of run.robots) {
-      robot.stretches = robot.rows.stretches.map(([startS, driver], at, all) => (
-        { startS, endS: at + 1 < all.length ? all[at + 1][0] : run.lastS, driver }
-      ));
+      robot.stretches = stretchesOf(robot, run.lastS);
       robot.starts = robot.stretches.map((each) => each.startS);
       robot.targets = robot.rows.targets.map(([id, beginS, endS, xM, yM, outcome]) => ({ id, beginS, endS, xM, yM, outcome }));
       robot.switches = run.switches.filter((each) => each.robot === robot.id);
       robot.switchTimes = robot.switches.map((each) => each.timeS);
     }
+  }
+
+  // Who drove a robot from when to when; until it has started a module that drives says nothing.
+  function stretchesOf({ rows, startedS }, lastS) {
+    const found = rows.stretches.map(([startS, driver], at, all) => (
+      { startS, endS: at + 1 < all.length ? all[at + 1][0] : lastS, driver, starting: false }
+    ));
+    if (!found.length || found[0].startS >= startedS) return found;
+    const later = found.filter((each) => each.endS > startedS).map((each) => ({ ...each, startS: Math.max(each.startS, startedS) }));
+    return [{ ...found[0], endS: Math.min(startedS, lastS), starting: true }, ...later];
   }
 
   // A run from the data of a page, or what is new of one that goes on.
@@ -159,21 +167,19 @@ window.soter = {};
     const pose = poseAt(robot, timeS);
     if (!pose) return null;
     const stretch = robot.stretches[Math.max(0, indexAt(robot.starts, timeS))];
-    const cause = robot.switches[indexAt(robot.switchTimes, timeS)] || null;
+    const { driver, starting } = stretch;
+    const cause = (!starting && robot.switches[indexAt(robot.switchTimes, timeS)]) || null;
     const bucket = Math.max(0, indexAt(robot.bucketS, timeS));
     const margins = robot.modules.map((module) => (
       { name: module.name, unit: module.unit, edge: module.edge, margin: module.low[bucket], reach: module.reach[bucket] }
     ));
     const goal = goalAt(robot, timeS);
-    const way = stretch.driver === 0 ? wayAt(robot, timeS) : [];
+    const way = driver === 0 ? wayAt(robot, timeS) : [];
     const target = robot.targets.find((each) => each.beginS <= timeS && (each.endS === null || timeS < each.endS));
-    const starting = stretch.driver !== 0 && !cause && timeS - stretch.startS < STARTING_S;
     return {
-      // In whose colour it is shown: while the robot starts nobody has taken it from its AC.
-      shown: starting ? 0 : stretch.driver, starting,
-      id: robot.id, ...pose, driver: stretch.driver, sinceS: stretch.startS, cause, margins, goal, way,
+      id: robot.id, ...pose, driver, starting, sinceS: stretch.startS, cause, margins, goal, way,
       target: target || null, breaks: brokenAt(run, robot.id, timeS), charge: robot.charge.low[bucket],
-      reachM: reachM(run, robot, stretch.driver, margins),
+      reachM: reachM(run, robot, driver, margins),
     };
   }
 

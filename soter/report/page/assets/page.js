@@ -32,6 +32,12 @@
       return mixed(hex, "#ffffff", light < 0.08 ? 0.5 : light < 0.25 ? 0.3 : 0.08);
     }
 
+    // The colour of a robot by who drives it, at a moment or for a stretch of time.
+    driving(run, robot, { driver, starting = false }) {
+      if (starting) return this.colours.soft;
+      return this.shade(driver === 0 ? robot.colour : run.drivers[driver].colour);
+    }
+
     onColour(colour) {
       return luminance(colour) > 0.38 ? "#14181d" : "#ffffff";
     }
@@ -347,16 +353,17 @@
       this.band = true;
       const canvas = byId("overview");
       const context = canvas.getContext("2d");
-      const { firstS, lastS, robots, drivers } = this.run;
+      const { firstS, lastS, robots } = this.run;
       const span = Math.max(lastS - firstS, 1e-3);
       context.clearRect(0, 0, canvas.width, canvas.height);
       const height = canvas.height / robots.length;
       robots.forEach((robot, row) => {
         for (const byModule of [false, true]) {
-          for (const { startS, endS, driver } of robot.stretches) {
-            if ((driver !== 0) !== byModule) continue;
+          for (const stretch of robot.stretches) {
+            const { startS, endS } = stretch;
+            if ((stretch.driver !== 0) !== byModule) continue;
             context.globalAlpha = byModule ? 1 : 0.35;
-            context.fillStyle = this.style.shade(byModule ? drivers[driver].colour : robot.colour);
+            context.fillStyle = this.style.driving(this.run, robot, stretch);
             const left = ((startS - firstS) / span) * canvas.width;
             context.fillRect(left, row * height, Math.max(byModule ? 1 : 0, ((endS - startS) / span) * canvas.width), height - (row + 1 < robots.length ? 1 : 0));
           }

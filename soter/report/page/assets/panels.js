@@ -150,12 +150,13 @@
 
   function figures(run, style) {
     const { summary, truth } = run;
-    const spent = run.drivers.map(() => 0);
-    for (const robot of run.robots) for (const each of robot.stretches) spent[each.driver] += each.endS - each.startS;
+    const parts = [...run.drivers.map((each) => [each.name, style.shade(each.colour)]), ["starting", style.colours.soft]];
+    const spent = parts.map(() => 0);
+    for (const robot of run.robots) for (const each of robot.stretches) spent[each.starting ? run.drivers.length : each.driver] += each.endS - each.startS;
     const whole = spent.reduce((sum, each) => sum + each, 0) || 1;
-    const bar = element("div", { class: "bar", role: "img", "aria-label": run.drivers.map((each, at) => `${each.name} ${percent1(spent[at] / whole)}`).join(", ") });
-    run.drivers.forEach((each, at) => {
-      if (spent[at]) bar.append(element("i", { style: `--dot: ${style.shade(each.colour)}; flex-grow: ${spent[at] / whole}`, title: `${each.name} ${percent1(spent[at] / whole)}` }));
+    const bar = element("div", { class: "bar", role: "img", "aria-label": parts.map(([name], at) => `${name} ${percent1(spent[at] / whole)}`).join(", ") });
+    parts.forEach(([name, colour], at) => {
+      if (spent[at]) bar.append(element("i", { style: `--dot: ${colour}; flex-grow: ${spent[at] / whole}`, title: `${name} ${percent1(spent[at] / whole)}` }));
     });
     const counted = takers(run).map((name) => (
       element("span", { class: "chip" }, dot(style.shade(colourOf(run, name))), `${name} ${(summary.disengagements[name] || 0).toLocaleString("en")}`)
@@ -278,7 +279,7 @@
         const parts = this.cards.get(now.id);
         const robot = this.run.robots.find((each) => each.id === now.id);
         set(parts.who, driving(this.run, now));
-        const colour = this.style.shade(now.shown === 0 ? robot.colour : this.run.drivers[now.driver].colour);
+        const colour = this.style.driving(this.run, robot, now);
         if (parts.colour !== colour) {
           parts.colour = colour;
           parts.card.style.setProperty("--dot", colour);

@@ -118,10 +118,6 @@
       });
     }
 
-    colour(robot, driver) {
-      return this.style.shade(driver === 0 ? robot.colour : this.run.drivers[driver].colour);
-    }
-
     draw(moment) {
       if (!this.width) return;
       const context = this.canvas.getContext("2d");
@@ -230,20 +226,20 @@
             at += 1;
             context.lineTo(...this.at(xM[at], yM[at]));
           } while (at < last && times[at] < endS);
-        }, { line: this.colour(robot, driver), width: driver === 0 ? 1.8 : 3, alpha: driver === 0 ? 0.55 : 0.9 });
+        }, { line: this.style.driving(this.run, robot, robot.stretches[stretch]), width: driver === 0 ? 1.8 : 3, alpha: driver === 0 ? 0.55 : 0.9 });
       }
     }
 
     drawMarks(context, robot, timeS) {
       for (const each of this.marksOf(robot, timeS)) {
-        disc(context, ...this.at(each.xM, each.yM), 4, { fill: this.colour(robot, each.after), line: this.style.colours.inside, width: 1.2 });
+        disc(context, ...this.at(each.xM, each.yM), 4, { fill: this.style.driving(this.run, robot, { driver: each.after }), line: this.style.colours.inside, width: 1.2 });
       }
     }
 
     reach(context, robot, now) {
       if (now.reachM === null) return;
       const circle = [...this.at(now.xM, now.yM), (robot.radiusM + now.reachM) * this.scale];
-      const colour = this.colour(robot, now.shown);
+      const colour = this.style.driving(this.run, robot, now);
       disc(context, ...circle, { fill: colour, alpha: 0.16 });
       disc(context, ...circle, { line: colour, width: 1.2, alpha: 0.8 });
     }
@@ -263,7 +259,7 @@
     way(context, robot, now) {
       const places = now.driver === 0 && now.way.length ? now.way : now.goal ? [[now.goal.xM, now.goal.yM]] : [];
       if (!places.length) return;
-      const colour = this.colour(robot, now.shown);
+      const colour = this.style.driving(this.run, robot, now);
       draw(context, () => {
         context.moveTo(...this.at(now.xM, now.yM));
         // The places that were passed already are still part of the way: it is what the AC said when it set out.
@@ -277,7 +273,7 @@
     body(context, robot, now) {
       const [x, y] = this.at(now.xM, now.yM);
       const radius = Math.max(LEAST_BODY_PX, robot.radiusM * this.scale);
-      const colour = this.colour(robot, now.shown);
+      const colour = this.style.driving(this.run, robot, now);
       const nose = [Math.cos(now.headingRad), -Math.sin(now.headingRad)];
       const side = [-nose[1], nose[0]];
       // The nose is a wedge outside of the body, so that the number has its room inside.
@@ -294,7 +290,7 @@
       context.fillStyle = colour;
       context.fill();
       // The robot's own colour stays visible while a module drives it.
-      if (now.shown !== 0) disc(context, x, y, radius * 0.78, { line: "#fff", width: 1.5 });
+      if (now.driver !== 0 && !now.starting) disc(context, x, y, radius * 0.78, { line: "#fff", width: 1.5 });
       if (now.breaks.length) disc(context, x, y, radius * 1.75, { line: this.style.colours.alarm, width: 3 });
       context.fillStyle = this.style.onColour(colour);
       context.font = `700 ${Math.round(Math.min(16, radius * 1.1))}px system-ui, sans-serif`;
