@@ -90,8 +90,8 @@ def draw_ways(axes: Axes, run: RunTracks, since_s: float, note: str = "") -> lis
             _disc(axes, *start, "white", colour, _MARK_PT)
             _number(axes, *start, robot_id, "white")
     # All of them, also those before the ways that are drawn: there ought to be none.
-    broken = broken_at(run)
-    axes.scatter([x for x, _ in broken], [y for _, y in broken], s=BROKEN_PT**2, fc="none", ec=ALARM, lw=1.4, zorder=9)
+    x_m, y_m = [x for x, _ in broken_at(run)], [y for _, y in broken_at(run)]
+    axes.scatter(x_m, y_m, s=BROKEN_PT**2, fc="none", ec=ALARM, lw=1.4, zorder=7.5)
     if note:
         _note(axes, note, SOFT)
     return sorted((each for each in axes.get_children() if each not in before), key=Artist.get_zorder)
