@@ -282,6 +282,8 @@ class _Viewer(BaseHTTPRequestHandler):
                 number += 1
                 self.wfile.write(b"id: %d\ndata: %b\n\n" % (number, part))
             self.server.tells(self.connection, math.inf)
+        # Else a viewer that has yet to look at all of it would ask again, and find no server.
+        self.wfile.write(b"event: end\ndata:\n\n")
 
 
 def _is_number(text: str) -> bool:

@@ -173,7 +173,7 @@ def test_a_viewer_goes_on_where_it_was(screen: PageScreen) -> None:
         screen.events.add(part)
     screen.events.end()
     _, body = asked(screen, stream_of(screen), Last_Event_ID="2")
-    assert body == b"id: 3\ndata: three\n\n"
+    assert body == b"id: 3\ndata: three\n\nevent: end\ndata:\n\n"
 
 
 def test_who_is_too_far_behind_begins_anew(screen: PageScreen) -> None:

@@ -24,6 +24,7 @@
       this.source.onmessage = ({ data }) => {
         turn = turn.then(() => this.hear(data)).catch((failure) => this.fail(failure));
       };
+      this.source.addEventListener("end", () => this.source.close());
       // The server has more than this page can catch up with, part by part.
       this.source.addEventListener("reload", () => {
         this.source.close();
@@ -40,7 +41,6 @@
       await soter.unpack(data, this.run);
       this.heardAt = performance.now();
       this.lost = false;
-      if (!this.run.goesOn) this.source.close();
       soter.page.grown();
       this.say();
     }
