@@ -23,8 +23,7 @@ from soter.config import MissionFile, load_mission
 from soter.geometry.cells import pack
 from soter.geometry.draft import Draft, Outline, Spot, circle, site_of
 from soter.geometry.grid import GridMap
-from soter.geometry.site import as_box
-from soter.geometry.workspace import Box, RobotPlace, Workspace
+from soter.geometry.workspace import Box, RobotPlace, Workspace, as_box
 from soter.rta import DecisionModule, Situation
 from soter.runner import run_mission
 from soter.sdk import Controller

@@ -10,16 +10,15 @@ from typing import Final
 
 from soter.errors import ConfigError, floor_m
 from soter.geometry.grid import GridMap
-from soter.geometry.site import Area, GeoOrigin, Site, SitePlan, as_box
-from soter.geometry.workspace import MAX_ROBOT_ID, Point, Ring, RobotPlace
-from soter.geometry.workspace_xml import BODY_RADIUS_M, MIN_STATION_M, SLACK_M
+from soter.geometry.site import Area, GeoOrigin, Site, SitePlan
+from soter.geometry.workspace import HEIGHT_M, MAX_ROBOT_ID, Point, Ring, RobotPlace, as_box
+from soter.geometry.workspace_xml import BODY_RADIUS_M, MIN_STATION_M, SLACK_M, STATION_SIDE_M
 from soter.problems import Problem, config_error
 
 MAX_COORDINATE_M: Final = 20_000.0
 MAX_CORNERS: Final = 20_000
 """Most corners of all features together: more take minutes to prepare."""
 
-STATION_SIDE_M: Final = 0.5
 SAGITTA_M: Final = 0.01
 """Largest error of the polygon that replaces a circle; it lies outside for a keep-out, inside for a fence."""
 
@@ -44,7 +43,7 @@ class Outline:
 
     name: str
     ring: Sequence[Point]
-    height_m: float = 1.0
+    height_m: float = HEIGHT_M
     line: int | None = None
 
 

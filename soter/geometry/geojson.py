@@ -8,9 +8,11 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from soter.errors import ConfigError, nearest
-from soter.geometry.draft import STATION_SIDE_M, Draft, Outline, Spot, circle
+from soter.geometry.draft import Draft, Outline, Spot, circle
 from soter.geometry.earth import Projection, check_degrees, is_number, middle_of
 from soter.geometry.site import GeoOrigin
+from soter.geometry.workspace import HEIGHT_M
+from soter.geometry.workspace_xml import STATION_SIDE_M
 from soter.problems import cut, shown_value
 
 ROLE: Final = "soter"
@@ -162,7 +164,7 @@ def _add(
 ) -> None:
     geometry, properties = feature["geometry"], feature["properties"]
     role, kind = properties[ROLE], geometry.get("type")
-    height_m = float(properties.get("height_m", 1.0))
+    height_m = float(properties.get("height_m", HEIGHT_M))
     if kind == "Point":
         x_m, y_m = project(*geometry["coordinates"][:2])
         _add_point(draft, name, role, (x_m, y_m), properties, height_m)

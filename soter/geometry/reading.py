@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from soter.errors import ConfigError
-from soter.geometry.draft import Spot, site_of
-from soter.geometry.workspace import Workspace
-from soter.geometry.workspace_xml import BODY_RADIUS_M, parse_workspace
+from soter.geometry.draft import Draft, Outline, Spot, site_of
+from soter.geometry.workspace import Box, Workspace
+from soter.geometry.workspace_xml import BODY_RADIUS_M, parse_room, parse_workspace
 from soter.problems import read_limited
 
 READERS: Final[dict[str, str]] = {
@@ -52,15 +52,38 @@ def read_workspace(
     """
     data, source = read_limited(path, "workspace file"), str(path)
     ending = path.suffix.lower()
+    if ending in READERS:
+        draft: Draft = importlib.import_module(READERS[ending]).read(data, source)
     # Any other suffix is read as SOTER's XML, whose reader then says what is wrong.
-    draft = importlib.import_module(READERS[ending]).read(data, source) if ending in READERS else None
-    for key, own, given in (("station", draft and draft.stations, stations), ("start", draft and draft.starts, starts)):
-        if given and (draft is None or own):
-            raise ConfigError(f"{source} says itself where they are; allowed beside it: none", key=key)
-    if draft is None:
+    elif stations or starts:
+        draft = _draft_of_room(data, source)
+    else:
         return parse_workspace(data, source, phi_safer_m=phi_safer_m, spacing_m=spacing_m, body_radius_m=body_radius_m)
+    for key, own, given in (("station", draft.stations, stations), ("start", draft.starts, starts)):
+        if given and own:
+            raise ConfigError(f"{source} says itself where they are; allowed beside it: none", key=key)
     draft.stations += stations
     draft.starts += starts
     return site_of(
         draft, phi_safer_m=phi_safer_m, spacing_m=spacing_m, body_radius_m=body_radius_m, inhabited=inhabited
     )
+
+
+def _draft_of_room(data: bytes, source: str) -> Draft:
+    """Return a room of SOTER's XML as a draft, which can be given stations."""
+    room = parse_room(data, source)
+    draft = Draft(source)
+    draft.fences.append(Outline("room", Box(0.0, 0.0, room.width_m, room.depth_m).ring))
+    draft.keep_outs += [
+        Outline(f"obstacle {number}", patch.box.ring, patch.box.height_m, patch.line)
+        for number, patch in enumerate(room.obstacles, start=1)
+    ]
+    draft.stations += [
+        Spot(f"charging station {number}", *patch.box.centre, line=patch.line)
+        for number, patch in enumerate(room.stations, start=1)
+    ]
+    draft.starts += [
+        Spot(f"robot {start.id}", start.x_m, start.y_m, start.id, start.heading_rad, line=start.line)
+        for start in room.starts
+    ]
+    return draft

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from soter.errors import ConfigError
 from soter.geometry.grid import GridMap
-from soter.geometry.workspace import Box, Point, Ring, RobotPlace, Workspace
+from soter.geometry.workspace import Point, Ring, RobotPlace, Workspace
 
 if TYPE_CHECKING:
     from soter.geometry.clearance import Field
@@ -292,10 +292,4 @@ def from_plain(made_of: Workspace | SitePlan) -> Workspace:
     return Site(made_of) if isinstance(made_of, SitePlan) else made_of
 
 
-def as_box(x_m: float, y_m: float, side_m: float) -> Box:
-    """Return the box of a station: a square around a place."""
-    half_m = side_m / 2.0
-    return Box(x_m - half_m, y_m - half_m, x_m + half_m, y_m + half_m, 0.0)
-
-
-__all__ = ["Area", "GeoOrigin", "NotRectangular", "Site", "SitePlan", "as_box", "from_plain", "plain"]
+__all__ = ["Area", "GeoOrigin", "NotRectangular", "Site", "SitePlan", "from_plain", "plain"]

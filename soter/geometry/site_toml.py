@@ -7,8 +7,9 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from soter.geometry.draft import STATION_SIDE_M, Draft, Outline, Spot, circle
-from soter.geometry.workspace import MAX_ROBOT_ID, Ring
+from soter.geometry.draft import Draft, Outline, Spot, circle
+from soter.geometry.workspace import HEIGHT_M, MAX_ROBOT_ID, Ring
+from soter.geometry.workspace_xml import STATION_SIDE_M
 from soter.problems import config_error, not_allowed, parse_toml, pydantic_problems
 
 Metres = Annotated[float, Field(ge=-20_000.0, le=20_000.0)]
@@ -70,7 +71,7 @@ class KeepOutTable(ShapeTable):
     """An area that robots keep out of."""
 
     name: str = ""
-    height_m: float = Field(default=1.0, gt=0.0, le=1000.0)
+    height_m: float = Field(default=HEIGHT_M, gt=0.0, le=1000.0)
 
 
 class StationTable(_Table):

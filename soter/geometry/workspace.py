@@ -16,6 +16,9 @@ Ring = tuple[Point, ...]
 MAX_ROBOT_ID = 254
 """Robot ids are also MAVLink system ids, where 0 and 255 have other meanings."""
 
+HEIGHT_M = 1.0
+"""Height of what does not say its own."""
+
 _ROUNDING_M = 1e-9
 """Rounding error up to which a point constructed to lie on an edge counts as on it."""
 
@@ -28,7 +31,7 @@ class Box:
     low_y_m: float
     high_x_m: float
     high_y_m: float
-    height_m: float = 1.0
+    height_m: float = HEIGHT_M
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Return the signed distance from a point to the box: negative inside, by the depth."""
@@ -42,6 +45,16 @@ class Box:
     def centre(self) -> tuple[float, float]:
         """The middle, x and y in metres."""
         return (self.low_x_m + self.high_x_m) / 2, (self.low_y_m + self.high_y_m) / 2
+
+    @property
+    def ring(self) -> Ring:
+        """The corners."""
+        return (
+            (self.low_x_m, self.low_y_m),
+            (self.high_x_m, self.low_y_m),
+            (self.high_x_m, self.high_y_m),
+            (self.low_x_m, self.high_y_m),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +92,7 @@ class Workspace:
 
     def outlines(self) -> tuple[tuple[Point, ...] | None, list[tuple[Point, ...]]]:
         """Return the corners of the fence, or None without one, and those of all obstacles."""
-        fence = ((0.0, 0.0), (self.width_m, 0.0), (self.width_m, self.depth_m), (0.0, self.depth_m))
-        return fence, [
-            ((b.low_x_m, b.low_y_m), (b.high_x_m, b.low_y_m), (b.high_x_m, b.high_y_m), (b.low_x_m, b.high_y_m))
-            for b in self.boxes
-        ]
+        return Box(0.0, 0.0, self.width_m, self.depth_m).ring, [box.ring for box in self.boxes]
 
     def inset(self, by_m: float) -> list[tuple[Point, ...]]:
         """Return the outlines of the places at least `by_m` inside the fence, to draw."""
@@ -158,6 +167,12 @@ class Workspace:
     def _free(self, x_m: float, y_m: float, clearance_m: float) -> bool:
         needed_m = clearance_m - _ROUNDING_M
         return self.contains(x_m, y_m) and all(box.distance_m(x_m, y_m) >= needed_m for box in self.boxes)
+
+
+def as_box(x_m: float, y_m: float, side_m: float) -> Box:
+    """Return the box of a station: a square around a place."""
+    half_m = side_m / 2.0
+    return Box(x_m - half_m, y_m - half_m, x_m + half_m, y_m + half_m, 0.0)
 
 
 def crosses(

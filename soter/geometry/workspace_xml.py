@@ -7,7 +7,8 @@ import re
 from pathlib import Path
 
 from soter.errors import ConfigError, floor_m, nearest
-from soter.geometry.workspace import MAX_ROBOT_ID, Box, RobotPlace, Workspace
+from soter.geometry.room import Room, RoomBox, RoomStart
+from soter.geometry.workspace import HEIGHT_M, MAX_ROBOT_ID, Box, RobotPlace, Workspace, as_box
 from soter.geometry.xml_tree import Element, parse_tree
 from soter.problems import MAX_FILE_BYTES, Problem, config_error, cut, read_limited, shown_value
 
@@ -21,6 +22,9 @@ MAX_SIZE_M = 10_000.0
 
 MIN_STATION_M = 0.1
 """Least side: a robot comes to rest within some centimetres of the middle, and charges only on the station."""
+
+STATION_SIDE_M = 0.5
+"""Side of a station that is given by its middle alone."""
 
 _MAX_BOXES = 250  # naming the nearest free pose costs up to the cube of this
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
@@ -40,6 +44,9 @@ _GRAMMAR: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = 
     "high": (("x", "y", "z"), (), ()),
 }
 _ROOT = "configuration"
+
+_Spot = tuple[RoomStart | RoomBox, str, float, float]
+"""What has a line, its name in messages, and its middle, x and y."""
 
 
 def read_workspace(
@@ -71,27 +78,38 @@ def parse_workspace(
     body_radius_m: float = BODY_RADIUS_M,
 ) -> Workspace:
     """Read a workspace from the bytes of an XML file; `source` names it in errors. See `read_workspace`."""
-    if len(data) > MAX_FILE_BYTES:
-        raise ConfigError(f"the workspace is longer than {MAX_FILE_BYTES} bytes", source=source)
-    root = parse_tree(data, source, _ROOT)
-    reader = _Reader(root, phi_safer_m, spacing_m, body_radius_m)
-    workspace = reader.read()
+    reader = _Reader(data, source)
+    room = reader.room()
+    workspace = None if room is None else reader.workspace(room, phi_safer_m, spacing_m, body_radius_m)
     if workspace is None:
         raise config_error(reader.problems, source)
     return workspace
 
 
+def parse_room(data: bytes, source: str) -> Room:
+    """Read what an XML file says, without comparing its parts with each other: it may lack stations.
+
+    Raises:
+        ConfigError: something in it is not allowed.
+    """
+    reader = _Reader(data, source)
+    room = reader.room()
+    if room is None:
+        raise config_error(reader.problems, source)
+    return room
+
+
 class _Reader:
     """Walks the tree and notes every problem; elements with problems are left out of further checks."""
 
-    def __init__(self, root: Element, phi_safer_m: float, spacing_m: float, body_radius_m: float) -> None:
-        self.root = root
+    def __init__(self, data: bytes, source: str) -> None:
+        if len(data) > MAX_FILE_BYTES:
+            raise ConfigError(f"the workspace is longer than {MAX_FILE_BYTES} bytes", source=source)
+        self.root = parse_tree(data, source, _ROOT)
         self.problems: list[Problem] = []
-        self.needed_m = phi_safer_m + SLACK_M
-        self.spacing_m = spacing_m
-        self.radius_m = body_radius_m
 
-    def read(self) -> Workspace | None:
+    def room(self) -> Room | None:
+        """Return what the file says; None if something in it is not allowed."""
         if self.root.tag != _ROOT:
             self._note(self.root, f"<{cut(self.root.tag)}>", f"the outermost element must be <{_ROOT}>")
             return None
@@ -107,36 +125,35 @@ class _Reader:
         boxes = self._boxes(obstacles, "obstacle", size, flat=False)
         patches = self._boxes(chargers, "charging station", size, flat=True)
         starts = self._starts(robots, size)
-        if self.problems:
-            return None
-        if len(patches) < len(starts):
+        return None if self.problems else Room(size[0], size[1], boxes, patches, starts)
+
+    def workspace(self, room: Room, phi_safer_m: float, spacing_m: float, body_radius_m: float) -> Workspace | None:
+        """Return the workspace; None if a robot has no station, or a place has no room around it."""
+        if len(room.stations) < len(room.starts):
+            missing = f"{len(room.stations)} charging stations for {len(room.starts)} robots"
+            where = "" if room.stations else "; the mission file may give them, [[station]]"
             self._note(
-                chargers,
+                self.root.all("charging_stations")[0],
                 "charging_stations",
-                f"{len(patches)} charging stations for {len(starts)} robots; each robot needs one, in the order of "
-                "the robots",
+                f"{missing}; each robot needs one, in the order of the robots{where}",
             )
             return None
-        places = tuple(
-            RobotPlace(robot_id, x_m, y_m, patch, heading_rad)
-            for (_, robot_id, x_m, y_m, heading_rad), (_, patch) in zip(starts, patches, strict=False)
-        )
-        workspace = Workspace(size[0], size[1], tuple(box for _, box in boxes), places)
-        at_starts = [
-            (e, f"start of robot {place.id}", place.x_m, place.y_m)
-            for (e, *_), place in zip(starts, places, strict=True)
+        pairs = list(zip(room.starts, room.stations, strict=False))
+        places = [
+            RobotPlace(start.id, start.x_m, start.y_m, station.box, start.heading_rad) for start, station in pairs
         ]
-        at_chargers = [
-            (e, f"charging station of robot {place.id}", *place.charger.centre)
-            for (e, _), place in zip(patches, places, strict=False)
+        workspace = Workspace(room.width_m, room.depth_m, tuple(each.box for each in room.obstacles), tuple(places))
+        at_starts: list[_Spot] = [(start, f"start of robot {start.id}", start.x_m, start.y_m) for start, _ in pairs]
+        at_stations: list[_Spot] = [
+            (station, f"charging station of robot {start.id}", *station.box.centre) for start, station in pairs
         ]
-        for spots in (at_starts, at_chargers):
-            self._check_clearance(workspace, spots)
-            self._check_spacing(spots)
+        for spots in (at_starts, at_stations):
+            self._check_clearance(workspace, spots, phi_safer_m + SLACK_M, body_radius_m)
+            self._check_spacing(spots, spacing_m)
         return None if self.problems else workspace
 
-    def _note(self, element: Element, key: str, message: str) -> None:
-        self.problems.append(Problem(message, key, element.line))
+    def _note(self, at: Element | RoomStart | RoomBox, key: str, message: str) -> None:
+        self.problems.append(Problem(message, key, at.line))
 
     def _check_names(self, element: Element) -> None:
         attributes, optional, children = _GRAMMAR[element.tag]
@@ -196,32 +213,39 @@ class _Reader:
         if element is None:
             return None
         size = self._point(element, "<dimension>")
-        if size is not None and min(size) <= 0.0:
-            name = "xyz"[size.index(min(size))]
-            self._note(element, "<dimension>", f"{name} is {min(size):g}, allowed: above 0")
+        if size is None:
             return None
-        return size
+        for name, value in zip("xyz", size, strict=True):
+            if value < 0.0 or (value == 0.0 and name != "z"):
+                allowed = "at least 0" if name == "z" else "above 0"
+                self._note(element, "<dimension>", f"{name} is {value:g}, allowed: {allowed}")
+                return None
+        # Rooms are also drawn flat, with boxes that are not.
+        return size if size[2] > 0.0 else (size[0], size[1], HEIGHT_M)
 
     def _boxes(
         self, parent: Element | None, what: str, size: tuple[float, float, float], *, flat: bool
-    ) -> list[tuple[Element, Box]]:
-        boxes: list[tuple[Element, Box]] = []
+    ) -> tuple[RoomBox, ...]:
+        boxes: list[RoomBox] = []
         if parent is None:
-            return boxes
+            return ()
         if len(parent.children) > _MAX_BOXES:
             self._note(parent, f"<{parent.tag}>", f"{len(parent.children)} boxes, allowed: at most {_MAX_BOXES}")
-            return boxes
+            return ()
         for number, element in enumerate(parent.children, start=1):
             key = f"{what} {number}"
             low, high = self._point(element.all("low")[0], key), self._point(element.all("high")[0], key)
             if low is None or high is None:
                 continue
-            wrong = self._wrong_with_box(low, high, size, flat=flat)
+            is_point = flat and low == high
+            wrong = self._wrong_with_box(low, high, size, flat=flat, is_point=is_point)
             if wrong:
                 self._note(element, key, wrong)
+            elif is_point:
+                boxes.append(RoomBox(as_box(low[0], low[1], STATION_SIDE_M), element.line))
             else:
-                boxes.append((element, Box(low[0], low[1], high[0], high[1], high[2])))
-        return boxes
+                boxes.append(RoomBox(Box(low[0], low[1], high[0], high[1], high[2]), element.line))
+        return tuple(boxes)
 
     @staticmethod
     def _wrong_with_box(
@@ -230,9 +254,10 @@ class _Reader:
         size: tuple[float, float, float],
         *,
         flat: bool,
+        is_point: bool,
     ) -> str:
-        """Return what is wrong with a box; empty if nothing is. A flat one may have no height."""
-        for axis, name in enumerate("xyz"):
+        """Return what is wrong with a box; empty if nothing is. A flat one may have no height, a point has no sides."""
+        for axis, name in enumerate("" if is_point else "xyz"):
             if high[axis] < low[axis] or (high[axis] == low[axis] and not (flat and name == "z")):
                 return (
                     f"it is inside out: high {name} is {high[axis]:g}, allowed: above low {name}, which is "
@@ -254,10 +279,8 @@ class _Reader:
                 )
         return ""
 
-    def _starts(
-        self, parent: Element, size: tuple[float, float, float]
-    ) -> list[tuple[Element, int, float, float, float]]:
-        starts: list[tuple[Element, int, float, float, float]] = []
+    def _starts(self, parent: Element, size: tuple[float, float, float]) -> tuple[RoomStart, ...]:
+        starts: list[RoomStart] = []
         lines: dict[int, int] = {}
         if not parent.children:
             self._note(parent, "<robots>", "there is no robot, allowed: at least one <robot>")
@@ -287,31 +310,31 @@ class _Reader:
                     f"it starts outside the workspace, at {_shown(point)}; allowed: from (0, 0, 0) to {_shown(size)}",
                 )
                 continue
-            starts.append((start, robot_id, point[0], point[1], math.remainder(heading_rad, math.tau)))
-        return starts
+            starts.append(RoomStart(robot_id, point[0], point[1], math.remainder(heading_rad, math.tau), start.line))
+        return tuple(starts)
 
-    def _check_clearance(self, workspace: Workspace, spots: list[tuple[Element, str, float, float]]) -> None:
-        for element, key, x_m, y_m in spots:
-            clearance_m = workspace.clearance_m(x_m, y_m, self.radius_m)
+    def _check_clearance(self, workspace: Workspace, spots: list[_Spot], needed_m: float, radius_m: float) -> None:
+        for at, key, x_m, y_m in spots:
+            clearance_m = workspace.clearance_m(x_m, y_m, radius_m)
             # An exact 0.15 m must pass, although it is inexact in binary.
-            if clearance_m >= self.needed_m - 1e-9:
+            if clearance_m >= needed_m - 1e-9:
                 continue
-            if clearance_m < -self.radius_m:
+            if clearance_m < -radius_m:
                 wrong = "it lies in a box"
             elif clearance_m < 0.0:
-                wrong = f"the body (radius {self.radius_m:g} m) would overlap a box by {-clearance_m:.3f} m"
+                wrong = f"the body (radius {radius_m:g} m) would overlap a box by {-clearance_m:.3f} m"
             else:
-                wrong = f"the body (radius {self.radius_m:g} m) would be only {floor_m(clearance_m)} m from a box"
+                wrong = f"the body (radius {radius_m:g} m) would be only {floor_m(clearance_m)} m from a box"
             self._note(
-                element,
+                at,
                 key,
-                f"{wrong}, at {_shown((x_m, y_m))}; allowed: at least {self.needed_m:g} m; "
-                f"{self._nearest_pose(workspace, x_m, y_m)}",
+                f"{wrong}, at {_shown((x_m, y_m))}; allowed: at least {needed_m:g} m; "
+                f"{self._nearest_pose(workspace, x_m, y_m, needed_m + radius_m)}",
             )
 
-    def _nearest_pose(self, workspace: Workspace, x_m: float, y_m: float) -> str:
+    @staticmethod
+    def _nearest_pose(workspace: Workspace, x_m: float, y_m: float, needed_m: float) -> str:
         """Return the nearest pose that would do, rounded such that the rounded pose still would."""
-        needed_m = self.needed_m + self.radius_m
         # A centimetre grid moves the point by at most 7.1 mm.
         found = workspace.nearest_free(x_m, y_m, needed_m + 0.0075)
         if found is not None:
@@ -321,16 +344,16 @@ class _Reader:
         found = workspace.nearest_free(x_m, y_m, needed_m)
         return "there is no free pose" if found is None else f"the nearest free pose is {_shown(found)}"
 
-    def _check_spacing(self, spots: list[tuple[Element, str, float, float]]) -> None:
-        for index, (element, key, x_m, y_m) in enumerate(spots):
+    def _check_spacing(self, spots: list[_Spot], spacing_m: float) -> None:
+        for index, (at, key, x_m, y_m) in enumerate(spots):
             for _, other, other_x_m, other_y_m in spots[:index]:
                 apart_m = math.hypot(x_m - other_x_m, y_m - other_y_m)
-                if apart_m < self.spacing_m - 1e-9:
+                if apart_m < spacing_m - 1e-9:
                     self._note(
-                        element,
+                        at,
                         key,
                         f"it is {floor_m(apart_m)} m from the {other}, allowed: at least "
-                        f"{self.spacing_m:g} m between the centres",
+                        f"{spacing_m:g} m between the centres",
                     )
 
 

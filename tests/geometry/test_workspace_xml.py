@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from soter.errors import ConfigError
+from soter.geometry.draft import Spot
+from soter.geometry.reading import read_workspace as read_any_workspace
 from soter.geometry.workspace import Box, RobotPlace
 from soter.geometry.workspace_xml import parse_workspace, read_workspace
 
@@ -55,6 +57,60 @@ def test_what_may_be_left_out() -> None:
 def test_spare_chargers_stay_unused_and_the_others_go_by_order() -> None:
     text = xml(robots='<robots><robot id="2"><start x="2.5" y="2" z="0"/></robot></robots>')
     assert parse_workspace(text.encode(), "room.xml").robots[0].charger.centre == pytest.approx((1.0, 1.0))
+
+
+def drawn_flat(*, robot_2: str = '<start x="3.25" y="2" z="0"/>', points: tuple[str, ...] = ("1 1", "3.25 2")) -> str:
+    """A room without height, and stations without area, as the first files of this format had them."""
+    stations = "".join(
+        f'<box>\n<low x="{x}" y="{y}" z="0"/>\n<high x="{x}" y="{y}" z="0"/>\n</box>\n'
+        for x, y in (point.split() for point in points)
+    )
+    return xml(
+        dimension='<dimension x="6" y="4" z="0"/>',
+        robots='<robots>\n<robot id="1"><start x="1" y="1" z="0"/></robot>\n'
+        f'<robot id="2">{robot_2}</robot>\n</robots>',
+        obstacles='<obstacles>\n<box><low x="2" y="1.5" z="0"/><high x="2.9" y="2.5" z="1"/></box>\n</obstacles>',
+        chargers=f"<charging_stations>\n{stations}</charging_stations>",
+    )
+
+
+def test_a_room_drawn_flat_with_points_for_stations_is_read() -> None:
+    workspace = parse_workspace(drawn_flat().encode(), "room.xml")
+    assert (workspace.width_m, workspace.depth_m) == (6.0, 4.0)
+    assert workspace.boxes == (Box(2.0, 1.5, 2.9, 2.5, 1.0),)
+    assert [place.charger for place in workspace.robots] == [
+        Box(0.75, 0.75, 1.25, 1.25, 0.0),
+        Box(3.0, 1.75, 3.5, 2.25, 0.0),
+    ]
+
+
+def test_a_room_drawn_flat_is_refused_for_a_body_in_a_box_alone() -> None:
+    inside = "the body (radius 0.105 m) would overlap a box by 0.005 m, at (3, 2); allowed: at least 0.15 m; "
+    text = drawn_flat(robot_2='<start x="3" y="2" z="0"/>', points=("1 1", "3 2"))
+    assert error(text).splitlines() == [
+        "room.xml: 2 things are wrong",
+        f"  room.xml:5: start of robot 2: {inside}the nearest free pose is (3.16, 2)",
+        f"  room.xml:15: charging station of robot 2: {inside}the nearest free pose is (3.16, 2)",
+    ]
+
+
+def test_a_room_without_stations_points_at_those_of_the_mission_file(tmp_path: Path) -> None:
+    text = drawn_flat(points=())
+    assert error(text) == (
+        "room.xml:10: charging_stations: 0 charging stations for 2 robots; each robot needs one, in the order of the "
+        "robots; the mission file may give them, [[station]]"
+    )
+    path = tmp_path / "room.xml"
+    path.write_text(text)
+    stations = [Spot("station 1", 1.0, 2.0), Spot("station 2", 4.5, 2.0)]
+    made = read_any_workspace(path, stations=stations)
+    assert made.bounds == (0.0, 0.0, 6.0, 4.0)
+    assert [(each.id, each.x_m, each.charger.centre) for each in made.robots] == [
+        (1, 1.0, (1.0, 2.0)),
+        (2, 3.25, (4.5, 2.0)),
+    ]
+    with pytest.raises(ConfigError, match=r"start: .*room\.xml says itself where they are"):
+        read_any_workspace(path, stations=stations, starts=stations)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "iso-8859-1"])
@@ -148,6 +204,10 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     "negative size": (
         xml(dimension='<dimension x="-5" y="5" z="1"/>'),
         ["room.xml:2: <dimension>: x is -5, allowed: above 0"],
+    ),
+    "negative height": (
+        xml(dimension='<dimension x="5" y="5" z="-1"/>'),
+        ["room.xml:2: <dimension>: z is -1, allowed: at least 0"],
     ),
     "start nan": (
         xml().replace(START_1, '<start x="nan" y="1" z="0"/>'),
@@ -257,6 +317,14 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     "charger inside out": (
         xml().replace('<high x="1.2" y="1.2"', '<high x="1.2" y="0.7"'),
         ["room.xml:11: charging station 1: it is inside out: high y is 0.7, allowed: above low y, which is 0.8"],
+    ),
+    "charger that is a line": (
+        xml().replace('<high x="1.2" y="1.2"', '<high x="0.8" y="1.2"'),
+        ["room.xml:11: charging station 1: it is inside out: high x is 0.8, allowed: above low x, which is 0.8"],
+    ),
+    "charger that is a point outside": (
+        xml().replace('<low x="0.8" y="0.8"', '<low x="6" y="1"').replace('<high x="1.2" y="1.2"', '<high x="6" y="1"'),
+        ["room.xml:11: charging station 1: it lies outside the workspace: x from 6 to 6, allowed: 0 to 5"],
     ),
     "charger too small to come to rest on": (
         xml().replace('<high x="1.2" y="1.2"', '<high x="0.89" y="1.2"'),
