@@ -19,7 +19,7 @@ from soter.errors import ConfigError
 from soter.geometry.cells import MAX_CELLS, Bits, pack
 from soter.geometry.draft import MAX_COORDINATE_M, Draft, Outline
 from soter.geometry.grid import GridMap
-from soter.problems import config_error, pydantic_problems, read_limited, shown_value
+from soter.problems import config_error, cut, pydantic_problems, read_limited, shown_value
 
 MAX_IMAGE_BYTES: Final = 4 * MAX_CELLS
 _LEAST_CELLS: Final = 3
@@ -97,7 +97,18 @@ def _yaml(data: bytes, source: str) -> dict[Any, Any]:
         ) from failure
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
-        """Takes 5e-2 for a number, as ROS does, and not only 5.0e-2."""
+        """Takes 5e-2 for a number, as ROS does, and not only 5.0e-2. Takes no aliases."""
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            """Return the next node; it would be repeated for every alias, and theirs for every alias of those."""
+            if self.check_event(yaml.AliasEvent):
+                alias = self.peek_event()
+                raise ConfigError(
+                    f"*{cut(alias.anchor)} stands for a value from elsewhere in the file; allowed: the value itself",
+                    source=source,
+                    line=alias.start_mark.line + 1,
+                )
+            return super().compose_node(parent, index)
 
     Loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(r"[-+]?\d+[eE][-+]?\d+$"), [*"-+0123456789"])
     try:

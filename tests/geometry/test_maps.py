@@ -304,6 +304,18 @@ def test_a_key_that_is_given_twice_is_refused_with_its_line(tmp_path: Path) -> N
         read_workspace(file, inhabited=False)
 
 
+def test_values_from_elsewhere_in_a_map_are_refused_before_they_multiply(tmp_path: Path) -> None:
+    file = tmp_path / "map.yaml"
+    names = "abcd"
+    lists = [f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]" for before, name in pairwise(names)]
+    file.write_text("\n".join(["image: map.pgm", "a: &a [0, 0]", *lists]))
+    with pytest.raises(ConfigError) as refused:
+        read_workspace(file, inhabited=False)
+    assert str(refused.value) == (
+        f"{file}:3: *a stands for a value from elsewhere in the file; allowed: the value itself"
+    )
+
+
 @pytest.mark.parametrize(
     "text", ["", "- 1", "image: [", "a: &a [*a]", "\0", "[" * 400, "image: !!python/name:os.system"]
 )
