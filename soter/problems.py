@@ -75,8 +75,14 @@ def cut(text: str) -> str:
     return text if len(text) <= _MAX_VALUE_CHARS else f"{text[: _MAX_VALUE_CHARS - 3]}..."
 
 
-def read_limited(path: Path, what: str, most_bytes: int = MAX_FILE_BYTES) -> bytes:
-    """Read a small regular file as a whole; messages say what it should be, such as "mission file".
+def read_limited(path: Path, what: str, most_bytes: int = MAX_FILE_BYTES, *, shorter: str = "") -> bytes:
+    """Read a small regular file as a whole.
+
+    Args:
+        path: the file.
+        what: it should be, for messages, such as "mission file".
+        most_bytes: the most that is read.
+        shorter: what makes such a file shorter, for the message about one that is too long.
 
     Raises:
         ConfigError: there is no such file, it cannot be read, or it is longer than that.
@@ -96,7 +102,10 @@ def read_limited(path: Path, what: str, most_bytes: int = MAX_FILE_BYTES) -> byt
     except (OSError, ValueError) as failure:
         raise ConfigError(f"this {what} cannot be read: {failure}", source=source) from failure
     if len(data) > most_bytes:
-        raise ConfigError(f"this {what} is longer than {most_bytes} bytes, the most that is read", source=source)
+        advice = f"; {shorter}" if shorter else ""
+        raise ConfigError(
+            f"this {what} is longer than {most_bytes} bytes, the most that is read{advice}", source=source
+        )
     return data
 
 
@@ -250,6 +259,7 @@ _ALLOWED = {
     "mapping_type": "a table",
     "list_type": "a list",
     "too_short": "at least {min_length} of them",
+    "too_long": "at most {max_length} of them",
     "tuple_type": "a list",
 }
 

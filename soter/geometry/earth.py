@@ -98,7 +98,7 @@ def check_degrees(name: str, lat_deg: object, lon_deg: object) -> str:
     if not is_number(lat_deg) or not is_number(lon_deg):
         return f"{name} is {lat_deg!r}, {lon_deg!r}, allowed: latitude and longitude as numbers of degrees"
     if not (math.isfinite(lat_deg) and math.isfinite(lon_deg)):
-        return "a coordinate is not a finite number"
+        return f"latitude {lat_deg:g}, longitude {lon_deg:g}; allowed: finite numbers of degrees"
     if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
         hint = "metres of a projection are not read" if max(abs(lat_deg), abs(lon_deg)) > 360.0 else "are they swapped?"
         return (

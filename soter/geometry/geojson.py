@@ -60,12 +60,11 @@ def read(data: bytes, source: str) -> Draft:
 def json_object(data: bytes, source: str) -> dict[str, Any]:
     """Return the JSON object in a file.
 
+    NaN and Infinity, which JSON does not have, are read all the same: who uses them knows of which feature they are.
+
     Raises:
         ConfigError: the file holds no JSON object.
     """
-
-    def refuse(number: str) -> float:
-        raise ValueError(f"{number} is not a number that JSON has")
 
     def whole(number: str) -> int:
         if len(number) > _MOST_DIGITS:
@@ -73,7 +72,7 @@ def json_object(data: bytes, source: str) -> dict[str, Any]:
         return int(number)
 
     try:
-        found = json.loads(data.decode("utf-8-sig"), parse_constant=refuse, parse_int=whole)
+        found = json.loads(data.decode("utf-8-sig"), parse_int=whole)
     except UnicodeDecodeError as failure:
         raise ConfigError(f"not UTF-8, as JSON must be: {failure.reason}", source=source) from failure
     except json.JSONDecodeError as failure:

@@ -24,6 +24,9 @@ READERS: Final[dict[str, str]] = {
 }
 """Modules whose `read(data, source)` returns a `Draft`, by suffix; `.xml`, SOTER's own format, is not among them."""
 
+_OF_PLACES: Final = (".geojson", ".json", ".plan", ".kml")
+_SHORTER: Final = "simplify its polygons to fewer corners"
+
 
 def read_workspace(
     path: Path,
@@ -50,8 +53,8 @@ def read_workspace(
     Raises:
         ConfigError: the file cannot be read or something in it is not allowed; all problems are listed.
     """
-    data, source = read_limited(path, "workspace file"), str(path)
-    ending = path.suffix.lower()
+    ending, source = path.suffix.lower(), str(path)
+    data = read_limited(path, "workspace file", shorter=_SHORTER if ending in _OF_PLACES else "")
     if ending in READERS:
         draft: Draft = importlib.import_module(READERS[ending]).read(data, source)
     # Any other suffix is read as SOTER's XML, whose reader then says what is wrong.

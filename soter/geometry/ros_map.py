@@ -23,6 +23,7 @@ from soter.problems import config_error, cut, pydantic_problems, read_limited, s
 
 MAX_IMAGE_BYTES: Final = 4 * MAX_CELLS
 _LEAST_CELLS: Final = 3
+_KINDS: Final = "a whole PGM or PNG"
 _UNKNOWN: Final = 50.0 / 255.0
 _HALF_A_SHADE: Final = 0.5 / 255.0
 
@@ -158,7 +159,7 @@ def _occupied(table: MapTable, path: Path, source: str) -> Bits:
 def _pixels(data: bytes, source: str) -> tuple[NDArray[np.float32], Bits | np.bool_]:
     """Return how light every pixel is, from 0 to 1, and which are opaque."""
     try:
-        from PIL import Image
+        from PIL import Image, UnidentifiedImageError
     except ImportError as failure:
         raise ConfigError(
             f"maps need Pillow, which cannot be imported ({failure}); install it with pip install pillow", source=source
@@ -185,6 +186,9 @@ def _pixels(data: bytes, source: str) -> tuple[NDArray[np.float32], Bits | np.bo
                 pixels = np.asarray(image.convert("RGBA"))
     except Image.DecompressionBombError as failure:
         raise ConfigError(f"it is too large: {failure}", source=source) from failure
+    except UnidentifiedImageError as failure:
+        raise ConfigError(f"it is no picture of a kind that is read, allowed: {_KINDS}", source=source) from failure
     except (OSError, SyntaxError, ValueError, OverflowError, EOFError, struct.error, zlib.error) as failure:
-        raise ConfigError(f"it is no PGM or PNG that can be read to its end: {failure}", source=source) from failure
+        # What the library says of them is for who writes pictures.
+        raise ConfigError(f"it is cut off, or spoilt in its middle, allowed: {_KINDS}", source=source) from failure
     return pixels[..., :3].mean(axis=2, dtype=np.float32) / 255.0, pixels[..., 3] == 255

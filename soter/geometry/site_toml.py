@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from soter.geometry.draft import Draft, Outline, Spot, circle
 from soter.geometry.workspace import HEIGHT_M, MAX_ROBOT_ID, Ring
@@ -13,7 +13,15 @@ from soter.geometry.workspace_xml import STATION_SIDE_M
 from soter.problems import config_error, not_allowed, parse_toml, pydantic_problems
 
 Metres = Annotated[float, Field(ge=-20_000.0, le=20_000.0)]
-Corner = Annotated[list[Metres], Field(min_length=2, max_length=2)]
+
+
+def _flat(corner: list[float]) -> list[float]:
+    if len(corner) != 2:
+        raise not_allowed("two numbers; a corner is x and y")
+    return corner
+
+
+Corner = Annotated[list[Metres], AfterValidator(_flat)]
 
 
 class _Table(BaseModel):

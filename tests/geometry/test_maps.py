@@ -281,12 +281,29 @@ def test_bad_maps_are_refused_by_key(key: str, change: dict[str, Any], tmp_path:
         ({"free_thresh": 0.65}, "free_thresh is 0.65, allowed: below occupied_thresh, which is 0.65"),
         ({"negate": 2}, "negate: it is 2, allowed: at most 1"),
         ({"negate": "no"}, "negate: it is 'no', allowed: a whole number"),
+        ({"origin": [0.0, 0.0, 0.0, 1.0]}, "origin: it is [0.0, 0.0, 0.0, 1.0], allowed: at most 3 of them"),
     ],
 )
 def test_what_is_allowed_of_a_map_is_said_once(change: dict[str, Any], said: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as refused:
         read_workspace(written(tmp_path, **change), inhabited=False)
     assert str(refused.value) == f"{tmp_path / 'map.yaml'}: {said}"
+
+
+@pytest.mark.parametrize(
+    ("picture", "said"),
+    [
+        (b"GIF89a", "it is no picture of a kind that is read"),
+        (b"", "it is no picture of a kind that is read"),
+        (b"P5 160000000000 12 255\n", "it is cut off, or spoilt in its middle"),
+        (b"P5 16 12 255\n" + bytes(100), "it is cut off, or spoilt in its middle"),
+    ],
+)
+def test_pictures_that_cannot_be_read_are_refused_in_plain_words(picture: bytes, said: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as refused:
+        read_workspace(written(tmp_path, picture), inhabited=False)
+    file, named = tmp_path / "map.yaml", tmp_path / "map.pgm"
+    assert str(refused.value) == f"{file}: image: {named}: {said}, allowed: a whole PGM or PNG"
 
 
 def test_numbers_may_be_written_as_ros_takes_them(tmp_path: Path) -> None:

@@ -188,6 +188,19 @@ def test_the_shipped_worlds_are_read_and_written(path: Path, tmp_path: Path) -> 
         (lambda each: each["features"][1]["geometry"]["coordinates"][0].append([500000.0, 5300000.0]), "shed"),
         (lambda each: each["features"][1]["geometry"]["coordinates"][0].insert(1, [9.44, -47.6]), "shed"),
         (lambda each: each["features"][1]["geometry"]["coordinates"][0].insert(1, ["a", 1]), "shed"),
+        (
+            lambda each: each["features"][1]["geometry"]["coordinates"][0].insert(1, [9.5, math.nan]),
+            "shed: latitude nan, longitude 9.5; allowed: finite numbers of degrees",
+        ),
+        (
+            lambda each: each["features"][2]["geometry"].update(coordinates=[-math.inf, 47.5]),
+            "feature 3: latitude 47.5, longitude -inf; allowed: finite numbers of degrees",
+        ),
+        (
+            lambda each: each["features"][1]["properties"].update(height_m=math.nan),
+            "shed: its property height_m is nan",
+        ),
+        (lambda each: each.update(origin=[math.nan, 1.0]), "origin: it is [nan, 1.0]; allowed: longitude and latitude"),
         (lambda each: each["features"][1]["geometry"]["coordinates"].append([[9.4, 47.6]]), "hole"),
         (lambda each: each["features"][1].pop("geometry"), "feature 2"),
         (lambda each: each["features"][1]["geometry"].pop("coordinates"), "shed"),
@@ -250,6 +263,10 @@ def test_what_is_allowed_of_a_feature_is_said_as_it_is(properties: dict[str, Any
         (lambda each: each["geoFence"]["polygons"][1].update(inclusion="no"), "polygon 2"),
         (lambda each: each["geoFence"]["polygons"][0]["polygon"].insert(0, [147.0, 9.0]), "polygon 1"),
         (lambda each: each["geoFence"].update(circles=[{"inclusion": False, "circle": {"center": [47.6187, 9.4402], "radius": -1}}]), "circle 1"),  # noqa: E501
+        (
+            lambda each: each["geoFence"]["polygons"][1]["polygon"].insert(0, [math.nan, 9.5]),
+            "geoFence polygon 2: latitude nan, longitude 9.5; allowed: finite numbers of degrees",
+        ),
         (lambda each: each.update(geoFence=[]), "geoFence"),
         (lambda each: each.update(rallyPoints={"points": []}), "station"),
     ],
@@ -268,6 +285,7 @@ def test_bad_plans_are_refused_by_feature(change: Any, said: str, tmp_path: Path
         ('<!DOCTYPE kml [<!ENTITY a "b">]><kml/>', "refused"),
         (kml(fence="yard"), "fence"),
         (kml().replace("9.4", "a9.4", 1), "fence"),
+        (kml().replace(f">{earth(FENCE[0])[1]:.9f},", ">nan,", 1), "longitude nan; allowed: finite numbers of degrees"),
     ],
 )
 def test_bad_kml_is_refused(text: str, said: str, tmp_path: Path) -> None:
@@ -283,7 +301,18 @@ def test_bad_kml_is_refused(text: str, said: str, tmp_path: Path) -> None:
         ("[fence]\ncircle = {x_m = 0.0, y_m = 0.0, radius = 1.0}", "radius_m"),
         ("[[keep_out]]\npolygon = [[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]", "keep_out 1"),
         ("[fence]\npolygon = [[0.0, 0.0], [30000.0, 0.0], [0.0, 1.0]]", "20000"),
+        (
+            "[fence]\npolygon = [[0.0, 0.0, 2.5], [3.0, 0.0], [0.0, 1.0]]",
+            ":2: fence.polygon.0: it is [0.0, 0.0, 2.5], allowed: two numbers; a corner is x and y",
+        ),
     ],
 )
 def test_bad_toml_is_refused_by_key(text: str, said: str, tmp_path: Path) -> None:
     assert said in refusal(tmp_path / "bad.toml", text)
+
+
+def test_a_file_that_is_too_long_needs_fewer_corners(tmp_path: Path) -> None:
+    assert refusal(tmp_path / "long.geojson", " " * 1_000_001).endswith(
+        "this workspace file is longer than 1000000 bytes, the most that is read; simplify its polygons to fewer "
+        "corners"
+    )
