@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from soter.errors import ConfigError
 from soter.geometry.draft import Draft, Outline, Spot, circle
@@ -11,6 +11,9 @@ from soter.geometry.earth import Projection, check_degrees, is_number, middle_of
 from soter.geometry.geojson import json_object
 from soter.geometry.site import GeoOrigin
 from soter.problems import shown_value
+
+_VERSION: Final = 2
+"""Version of a plan's geofence."""
 
 
 def read(data: bytes, source: str) -> Draft:
@@ -29,6 +32,12 @@ def read(data: bytes, source: str) -> Draft:
         )
     draft = Draft(source)
     geofence, rally = _table(draft, plan, "geoFence"), _table(draft, plan, "rallyPoints")
+    # Other versions say in other keys what is kept out of, which would be overlooked.
+    version = geofence.get("version", _VERSION)
+    if version != _VERSION:
+        draft.note(
+            "geoFence.version", f"it is {shown_value(version)}, allowed: {_VERSION}, as QGroundControl writes it"
+        )
     polygons = [(f"geoFence polygon {n}", each) for n, each in enumerate(_list(draft, geofence, "polygons"), start=1)]
     circles = [(f"geoFence circle {n}", each) for n, each in enumerate(_list(draft, geofence, "circles"), start=1)]
     points = [(f"rally point {n}", each) for n, each in enumerate(_list(draft, rally, "points"), start=1)]

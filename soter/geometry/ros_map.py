@@ -9,7 +9,7 @@ import struct
 import warnings
 import zlib
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from soter.geometry.cells import MAX_CELLS, Bits, pack
 from soter.geometry.draft import MAX_COORDINATE_M, Draft, Outline
 from soter.geometry.grid import GridMap
 from soter.problems import config_error, cut, pydantic_problems, read_limited, shown_value
+
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
 
 MAX_IMAGE_BYTES: Final = 4 * MAX_CELLS
 _LEAST_CELLS: Final = 3
@@ -176,6 +179,12 @@ def _pixels(data: bytes, source: str) -> tuple[NDArray[np.float32], Bits | np.bo
                         f"{MAX_CELLS} in all",
                         source=source,
                     )
+                if _goes_on(data, image):
+                    raise ConfigError(
+                        f"it goes on after the {wide} x {high} pixels that its head speaks of; allowed: a PGM of one "
+                        "picture, whole",
+                        source=source,
+                    )
                 image.load()
                 if image.mode in ("1", "L"):
                     return np.asarray(image.convert("L"), dtype=np.float32) / 255.0, np.True_
@@ -192,3 +201,17 @@ def _pixels(data: bytes, source: str) -> tuple[NDArray[np.float32], Bits | np.bo
         # What the library says of them is for who writes pictures.
         raise ConfigError(f"it is cut off, or spoilt in its middle, allowed: {_KINDS}", source=source) from failure
     return pixels[..., :3].mean(axis=2, dtype=np.float32) / 255.0, pixels[..., 3] == 255
+
+
+def _goes_on(data: bytes, image: ImageFile) -> bool:
+    """Return whether a PGM has more pixels than its head says; the library reads no further than that."""
+    start, pixels = image.tile[0][2], math.prod(image.size)
+    if data.startswith(b"P5"):
+        rest = data[start + pixels * (1 if image.mode == "L" else 2) :]
+        return bool(rest.strip())
+    if data.startswith(b"P2"):
+        # Text, in which every number begins after a blank; the first one is that before the start.
+        text = np.frombuffer(re.sub(rb"#[^\r\n]*", b"", data[start - 1 :]), dtype=np.uint8)
+        blank = text <= ord(" ")
+        return int(np.count_nonzero(blank[:-1] & ~blank[1:])) > pixels
+    return False

@@ -306,6 +306,17 @@ def test_pictures_that_cannot_be_read_are_refused_in_plain_words(picture: bytes,
     assert str(refused.value) == f"{file}: image: {named}: {said}, allowed: a whole PGM or PNG"
 
 
+PLAIN = b"P2 3 3\n# of 4 x 4\n255\n" + b"254 " * 9
+
+
+@pytest.mark.parametrize("head", [b"P5 3 3 255\n" + b"\xfe" * 9, b"P5 3 3 65535\n" + b"\xfe" * 18, PLAIN])
+def test_a_picture_ends_where_its_head_says(head: bytes, tmp_path: Path) -> None:
+    for end in (b"", b"\n"):
+        assert not cells(written(tmp_path, head + end)).any()
+    with pytest.raises(ConfigError, match=r"map.pgm: it goes on after the 3 x 3 pixels .* allowed: a PGM of one"):
+        cells(written(tmp_path, head + b"254"))
+
+
 def test_numbers_may_be_written_as_ros_takes_them(tmp_path: Path) -> None:
     file = written(tmp_path)
     before = cells(file)

@@ -60,6 +60,7 @@ def plan() -> dict[str, Any]:
         "fileType": "Plan",
         "mission": {"plannedHomePosition": [ORIGIN.lat_deg, ORIGIN.lon_deg, 400.0]},
         "geoFence": {
+            "version": 2,
             "polygons": [
                 {"inclusion": True, "polygon": latlon(FENCE)},
                 {"inclusion": False, "polygon": latlon(SHED)},
@@ -267,6 +268,7 @@ def test_what_is_allowed_of_a_feature_is_said_as_it_is(properties: dict[str, Any
             lambda each: each["geoFence"]["polygons"][1]["polygon"].insert(0, [math.nan, 9.5]),
             "geoFence polygon 2: latitude nan, longitude 9.5; allowed: finite numbers of degrees",
         ),
+        (lambda each: each["geoFence"].update(version=1), "geoFence.version: it is 1, allowed: 2, as QGroundControl"),
         (lambda each: each.update(geoFence=[]), "geoFence"),
         (lambda each: each.update(rallyPoints={"points": []}), "station"),
     ],
