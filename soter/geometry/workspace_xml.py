@@ -117,10 +117,10 @@ class _Reader:
         if self.problems:
             return None
         dimension = self._the("dimension")
-        robots, chargers = self._the("robots"), self._the("charging_stations")
+        robots, chargers = self._the("robots"), self._the("charging_stations", needed=False)
         obstacles = self._the("obstacles", needed=False)
         size = self._size(dimension)
-        if size is None or robots is None or chargers is None:
+        if size is None or robots is None:
             return None
         boxes = self._boxes(obstacles, "obstacle", size, flat=False)
         patches = self._boxes(chargers, "charging station", size, flat=True)
@@ -133,7 +133,7 @@ class _Reader:
             missing = f"{len(room.stations)} charging stations for {len(room.starts)} robots"
             where = "" if room.stations else "; the mission file may give them, [[station]]"
             self._note(
-                self.root.all("charging_stations")[0],
+                (self.root.all("charging_stations") or [self.root])[0],
                 "charging_stations",
                 f"{missing}; each robot needs one, in the order of the robots{where}",
             )

@@ -101,7 +101,7 @@ def test_a_room_without_stations_points_at_those_of_the_mission_file(tmp_path: P
         "robots; the mission file may give them, [[station]]"
     )
     path = tmp_path / "room.xml"
-    path.write_text(text)
+    path.write_text(text.replace("<charging_stations>\n</charging_stations>", ""))
     stations = [Spot("station 1", 1.0, 2.0), Spot("station 2", 4.5, 2.0)]
     made = read_any_workspace(path, stations=stations)
     assert made.bounds == (0.0, 0.0, 6.0, 4.0)
@@ -178,7 +178,10 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     ),
     "no dimension": (xml(dimension=""), ["room.xml:1: <configuration>: <dimension> is missing"]),
     "no robots": (xml(robots=""), ["room.xml:1: <configuration>: <robots> is missing"]),
-    "no chargers": (xml(chargers=""), ["room.xml:1: <configuration>: <charging_stations> is missing"]),
+    "no chargers": (
+        xml(chargers=""),
+        ["room.xml:1: charging_stations: 0 charging stations for 2 robots; each robot needs one"],
+    ),
     "two dimensions": (
         xml(dimension=DIMENSION + "\n" + DIMENSION),
         ["room.xml:3: <dimension>: it occurs 2 times, allowed: once"],
