@@ -139,6 +139,7 @@ class Metrics:
     """Counts for a run; a `Watch` of every robot's supervisor.
 
     Attributes:
+        targets: by robot, where it is to go, until it is there.
         standstills: the robots' times without AC.
         uncontrolled: robots that for a time did not obey.
         end_s: fleet time of the end of the run, once it is finished.
@@ -162,7 +163,7 @@ class Metrics:
         self.needless = 0
         self.outcomes: Counter[TargetOutcome] = Counter()
         self.reached_by_robot: Counter[int] = Counter()
-        self._under_way: set[int] = set()
+        self.targets: dict[int, Place] = {}
         self.no_progress_s = 0.0
         self._progress_s = 0.0
         self._begun_s = self.end_s = 0.0
@@ -191,15 +192,15 @@ class Metrics:
                 self.needless += self.judge(record)
 
     def on_target(self, robot_id: int, target_id: int, place: Place) -> None:
-        """Note that a robot has a target."""
-        self._under_way.add(robot_id)
+        """Note a robot's target."""
+        self.targets[robot_id] = place
 
     def on_ended(self, robot_id: int, target_id: int, outcome: TargetOutcome) -> None:
         """Count how a target ended."""
         self.outcomes[outcome] += 1
         if outcome is TargetOutcome.REACHED:
             self.reached_by_robot[robot_id] += 1
-            self._under_way.discard(robot_id)
+            self.targets.pop(robot_id, None)
         self.no_progress_s = max(self.no_progress_s, self._now_s - self._progress_s)
         self._progress_s = self._now_s
 
@@ -246,7 +247,7 @@ class Metrics:
             driver = self._driver_index[None if robot.driver is None else robot.driver.name]
             self.tracks.tracks[robot_id].add(now_s, own.x_m, own.y_m, own.battery, driver)
             charges = charging(robot_id)
-            self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self._under_way and not charges)
+            self._stalls[robot_id].look(now_s, own.x_m, own.y_m, robot_id in self.targets and not charges)
             self.standstills.robots[robot_id].look(now_s, robot, charging=charges)
 
     def finish(self, duration_s: float) -> None:

@@ -103,7 +103,7 @@ def test_a_run_that_is_refused_ends_its_views_and_is_opened_in_no_browser(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[str] = []
-    monkeypatch.setattr("webbrowser.open", lambda address: not opened.append(address))
+    monkeypatch.setattr("webbrowser.open", opened.append)
     done = ran("--live", "--open", "--record", tmp_path / "run.mcap", "--set", "rta.collision.delta_s=3.0")
     assert not opened
     assert done.exit_code == 2
