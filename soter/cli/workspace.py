@@ -10,17 +10,19 @@ import typer
 from soter.cli.exits import ExitCode, Force, guard
 from soter.cli.option import option, switch
 from soter.cli.plain import emit
-from soter.errors import ConfigError
+from soter.errors import ConfigError, option_error
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from soter.geometry.grid import GridMap
+    from soter.geometry.site import GeoOrigin
     from soter.geometry.workspace import Ring, Workspace
 
 EXAMPLES = """Examples:
   soter workspace examples/surveillance.xml --picture room.png
-  soter workspace examples/worlds/harbour.geojson --to harbour.toml
+  soter workspace examples/worlds/harbour.geojson --to harbour.plan
+  soter workspace examples/worlds/l-hall.toml --to hall.kml --origin 47.3977,8.5456
   soter workspace examples/worlds/flat-patrol.toml
 Exit codes:
   0  robots can use it
@@ -32,6 +34,8 @@ Exit codes:
 _LOOKS = 60
 """Number of places along the longer side at which it is checked whether a body fits."""
 
+_WRITTEN = (".xml", ".toml", ".geojson", ".json", ".plan", ".kml")
+
 
 def workspace(
     file: Annotated[
@@ -41,7 +45,8 @@ def workspace(
             help="A workspace: .xml, .toml, .geojson, .plan, .kml, a map's .yaml; or a mission, for what it names.",
         ),
     ],
-    to: Annotated[Path | None, option("FILE", "Write it as .toml, in metres, or as .geojson.")] = None,
+    to: Annotated[Path | None, option("FILE", "Write it as .xml, .toml, .geojson, .plan or .kml.")] = None,
+    origin: Annotated[str | None, option("LAT,LON", "Where its point (0, 0) is, if it does not say so.")] = None,
     picture: Annotated[Path | None, option("FILE.png", "Draw it.")] = None,
     json: Annotated[bool, switch("--json", "Print what was found as JSON.")] = False,
     radius: Annotated[float, option("METRES", "Radius of the robots' bodies.", min=0.0)] = 0.105,
@@ -56,13 +61,18 @@ def workspace(
 
         from soter.cli.console import make_console
         from soter.cli.outputs import Outputs, unwritten
+        from soter.geometry.writing import left_out
 
+        if origin is not None and to is None:
+            raise option_error("--origin", "it says where on earth to write the workspace; allowed with --to")
         files = Outputs({"--to": to, "--picture": picture}, (file,), force=force)
         made = _read(file)
         # All outputs are made before the first one is written.
-        converted = b"" if to is None else _converted(made, file, to)
+        converted = b"" if to is None else _converted(made, file, to, origin)
         drawn = b"" if picture is None else _drawn(made)
         found = _found(made, radius, clearance)
+        if to is not None:
+            found["left_out"] = left_out(made, to.suffix.lower())
         with unwritten("it"):
             files.write("--to", lambda: converted)
             files.write("--picture", lambda: drawn)
@@ -150,15 +160,47 @@ def _kept_out(rings: Sequence[Ring], grid: GridMap | None) -> dict[str, Any]:
     }
 
 
-def _converted(made: Workspace, file: Path, to: Path) -> bytes:
+def _converted(made: Workspace, file: Path, to: Path, origin: str | None) -> bytes:
     import json as json_text
 
     from soter.config.toml_text import toml
-    from soter.geometry.writing import as_geojson, as_tables
+    from soter.geometry.writing import as_geojson, as_plan, as_tables
+    from soter.geometry.writing_xml import as_kml, as_xml
 
     ending = to.suffix.lower()
-    if ending == ".toml":
-        return toml(as_tables(made)).encode()
-    if ending in (".geojson", ".json"):
-        return json_text.dumps(as_geojson(made, str(file)), indent=1).encode() + b"\n"
-    raise ConfigError(f"it ends in '{to.suffix}', allowed: .toml, .geojson", key="--to")
+    if ending not in _WRITTEN:
+        raise ConfigError(f"it ends in '{to.suffix}', allowed: {', '.join(_WRITTEN)}", key="--to")
+    if ending in (".xml", ".toml"):
+        if origin is not None:
+            raise option_error("--origin", f"{ending} does not hold it; allowed with --to: {', '.join(_WRITTEN[2:])}")
+        return as_xml(made, str(file)) if ending == ".xml" else toml(as_tables(made)).encode()
+    there = _origin(made, file, ending, origin)
+    if ending == ".kml":
+        return as_kml(made, there, str(file))
+    content = as_plan(made, there) if ending == ".plan" else as_geojson(made, there)
+    return json_text.dumps(content, indent=1).encode() + b"\n"
+
+
+def _origin(made: Workspace, file: Path, ending: str, given: str | None) -> GeoOrigin:
+    """Return the place of a workspace's point (0, 0): as it says itself, or as given."""
+    from soter.geometry.earth import check_degrees
+    from soter.geometry.site import GeoOrigin, Site
+
+    own = made.plan.origin if isinstance(made, Site) else None
+    if given is None:
+        if own is None:
+            raise ConfigError(
+                f"it does not say where on earth its point (0, 0) is, which {ending} needs; give --origin LAT,LON, or "
+                "write it as .toml",
+                source=str(file),
+            )
+        return own
+    if own is not None:
+        raise option_error("--origin", f"{file} says itself where it is: {own.lat_deg:g},{own.lon_deg:g}")
+    try:
+        lat_deg, lon_deg = map(float, given.split(","))
+    except ValueError as failure:
+        raise option_error("--origin", f"it is '{given}', allowed: LAT,LON, such as 47.3977,8.5456") from failure
+    if wrong := check_degrees("it", lat_deg, lon_deg):
+        raise option_error("--origin", wrong)
+    return GeoOrigin(lat_deg, lon_deg)

@@ -1,14 +1,29 @@
-"""Writes workspaces as the tables of a TOML file, and as GeoJSON."""
+"""Writes workspaces as the tables of a TOML file, as GeoJSON, and as plans of QGroundControl."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Final
 
 from soter.errors import ConfigError
+from soter.geometry.draft import STATION_SIDE_M
 from soter.geometry.earth import Projection
-from soter.geometry.site import Site
-from soter.geometry.workspace import Point, Workspace
+from soter.geometry.site import GeoOrigin, Site
+from soter.geometry.workspace import Point, RobotPlace, Workspace
+
+Place = Callable[[Point], tuple[float, float]]
+"""Returns latitude and longitude in degrees of a point."""
+
+RALLY_M: Final = 50.0
+"""Height of rally points above the home, which robots on the ground ignore: QGroundControl's own."""
+
+_LACKS: Final = {
+    ".xml": ("names", "origin"),
+    ".toml": ("origin",),
+    ".plan": ("names", "heights", "sides of stations", "starts", "ids"),
+    ".kml": ("heights", "sides of stations", "starts", "ids"),
+}
 
 
 def as_tables(workspace: Workspace) -> dict[str, Any]:
@@ -21,10 +36,10 @@ def as_tables(workspace: Workspace) -> dict[str, Any]:
     tables: dict[str, Any] = {} if fence is None else {"fence": {"polygon": [list(at) for at in fence]}}
     tables["keep_out"] = [
         {"name": name, "height_m": height_m, "polygon": [list(at) for at in ring]}
-        for name, height_m, ring in _kept_out(workspace)
+        for name, height_m, ring in kept_out(workspace)
     ]
     tables["station"] = [
-        {"x_m": x_m, "y_m": y_m, "side_m": place.charger.high_x_m - place.charger.low_x_m}
+        {"x_m": x_m, "y_m": y_m, "side_m": station_side_m(place)}
         for place in workspace.robots
         for x_m, y_m in [place.charger.centre]
     ]
@@ -35,46 +50,116 @@ def as_tables(workspace: Workspace) -> dict[str, Any]:
     return tables
 
 
-def as_geojson(workspace: Workspace, source: str) -> dict[str, Any]:
-    """Return the GeoJSON that `soter.geometry.geojson` reads.
+def as_geojson(workspace: Workspace, origin: GeoOrigin) -> dict[str, Any]:
+    """Return the GeoJSON that `soter.geometry.geojson` reads, of a workspace whose point (0, 0) is at `origin`.
 
     Raises:
-        ConfigError: the workspace is a map, or its geographic position is not known.
+        ConfigError: the workspace is a map.
     """
-    origin = workspace.plan.origin if isinstance(workspace, Site) else None
-    if origin is None:
-        raise ConfigError("it does not say where on earth it is, which GeoJSON needs; write it as TOML", source=source)
-    project = Projection(origin, source)
+    latlon = placing(origin)
 
     def place(at: Point) -> list[float]:
-        lat_deg, lon_deg = project.place(*at)
-        # Nine decimals are a tenth of a millimetre.
-        return [round(lon_deg, 9), round(lat_deg, 9)]
+        return list(reversed(latlon(at)))
 
     fence, _ = workspace.outlines()
     features = [] if fence is None else [_feature(_ring(fence, place), soter="fence")]
     features += [
         _feature(_ring(ring, place), soter="keep_out", name=name, height_m=height_m)
-        for name, height_m, ring in _kept_out(workspace)
+        for name, height_m, ring in kept_out(workspace)
     ]
     for each in workspace.robots:
-        side_m = each.charger.high_x_m - each.charger.low_x_m
-        features.append(_feature(_point(each.charger.centre, place), soter="station", side_m=side_m))
+        station = _point(each.charger.centre, place)
+        features.append(_feature(station, soter="station", side_m=station_side_m(each)))
     for each in workspace.robots:
-        features.append(_feature(_point((each.x_m, each.y_m), place), soter="start", robot=each.id))
+        heading_deg = math.degrees(each.heading_rad)
+        start = _point((each.x_m, each.y_m), place)
+        features.append(_feature(start, soter="start", robot=each.id, heading_deg=heading_deg))
     return {"type": "FeatureCollection", "origin": [origin.lon_deg, origin.lat_deg], "features": features}
 
 
-def _kept_out(workspace: Workspace) -> list[tuple[str, float, Sequence[Point]]]:
+def as_plan(workspace: Workspace, origin: GeoOrigin) -> dict[str, Any]:
+    """Return the plan that `soter.geometry.qgc` reads, and QGroundControl: its geofence, and stations as rally points.
+
+    Raises:
+        ConfigError: the workspace is a map.
+    """
+    place = placing(origin)
+    fence, _ = workspace.outlines()
+    rings = [] if fence is None else [(True, fence)]
+    rings += [(False, tuple(ring)) for _, _, ring in kept_out(workspace)]
+    return {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "mission": {
+            "version": 2,
+            # A generic vehicle with a generic autopilot: QGroundControl opens no plan without them.
+            "firmwareType": 0,
+            "vehicleType": 0,
+            "plannedHomePosition": [origin.lat_deg, origin.lon_deg, 0.0],
+            "items": [],
+        },
+        "geoFence": {
+            "version": 2,
+            "polygons": [
+                {"version": 1, "inclusion": inclusion, "polygon": [list(place(at)) for at in ring]}
+                for inclusion, ring in rings
+            ],
+            "circles": [],
+        },
+        "rallyPoints": {
+            "version": 2,
+            "points": [[*place(each.charger.centre), RALLY_M] for each in workspace.robots],
+        },
+    }
+
+
+def left_out(workspace: Workspace, ending: str) -> list[str]:
+    """Return what a workspace has that the format of an ending has no place for, or that is not read from it."""
+    robots, site = workspace.robots, isinstance(workspace, Site)
+    has = {
+        "names": site and bool(kept_out(workspace)),
+        "heights": any(height_m != 1.0 for _, height_m, _ in kept_out(workspace)),
+        "sides of stations": any(not math.isclose(station_side_m(each), STATION_SIDE_M) for each in robots),
+        "starts": any((each.x_m, each.y_m) != each.charger.centre or each.heading_rad != 0.0 for each in robots),
+        "ids": [each.id for each in robots] != list(range(1, len(robots) + 1)),
+        "origin": isinstance(workspace, Site) and workspace.plan.origin is not None,
+    }
+    return [each for each in _LACKS.get(ending, ()) if has[each]]
+
+
+def placing(origin: GeoOrigin) -> Place:
+    """Return what gives latitude and longitude of points of a workspace whose point (0, 0) is at `origin`."""
+    project = Projection(origin, "the workspace to write")
+
+    def place(at: Point) -> tuple[float, float]:
+        lat_deg, lon_deg = project.place(*at)
+        # Nine decimals are a tenth of a millimetre.
+        return round(lat_deg, 9), round(lon_deg, 9)
+
+    return place
+
+
+def kept_out(workspace: Workspace) -> list[tuple[str, float, Sequence[Point]]]:
+    """Return the name, the height in metres and the corners of every area that robots keep out of.
+
+    Raises:
+        ConfigError: the workspace is a map.
+    """
     if isinstance(workspace, Site):
         if workspace.plan.map is not None:
-            raise ConfigError("a map is made of cells, which are written as neither TOML nor GeoJSON", key="--to")
+            raise ConfigError("a map is made of cells, which no format of polygons and boxes has", key="--to")
         return [(area.name, area.height_m, area.ring) for area in workspace.plan.areas]
     _, rings = workspace.outlines()
     return [
         (f"box {number}", box.height_m, ring)
         for number, (box, ring) in enumerate(zip(workspace.boxes, rings, strict=True), start=1)
     ]
+
+
+def station_side_m(place: RobotPlace) -> float:
+    """Return the side of the square that a charging station is."""
+    return place.charger.high_x_m - place.charger.low_x_m
 
 
 def _ring(ring: Sequence[Point], place: Callable[[Point], list[float]]) -> dict[str, Any]:

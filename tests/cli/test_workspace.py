@@ -56,7 +56,43 @@ def test_a_place_on_earth_is_converted(tmp_path: Path) -> None:
     said = found(WORLDS / "harbour.geojson", "--to", tmp_path / "harbour.toml")
     assert said["origin"] == {"lat_deg": 53.5426, "lon_deg": 9.9769}
     again = found(tmp_path / "harbour.toml")
+    assert said.pop("left_out") == ["origin"]
     assert again == {**said, "origin": None}
+
+
+@pytest.mark.parametrize("ending", [".geojson", ".json", ".plan", ".kml", ".xml"])
+def test_every_format_is_written(ending: str, tmp_path: Path) -> None:
+    placed = () if ending == ".xml" else ("--origin", "-33.9,18.4")
+    said = found(ROOT / "examples" / "surveillance.xml", "--to", tmp_path / f"room{ending}", *placed)
+    again = found(tmp_path / f"room{ending}")
+    assert (again["fence_corners"], again["keep_outs"], again["way_m"]) == (4, 3, said["way_m"])
+    assert said["left_out"] == (["sides of stations"] if ending in (".plan", ".kml") else [])
+    assert (again["origin"] is None) == (ending == ".xml")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("harbour.geojson", "--to", "there.kml", "--origin", "1,2"), "says itself where it is: 53.5426,9.9769"),
+        (("l-hall.toml", "--to", "there.kml"), "give --origin LAT,LON"),
+        (("l-hall.toml", "--to", "there.plan", "--origin", "47.4"), "it is '47.4', allowed: LAT,LON"),
+        (("l-hall.toml", "--to", "there.plan", "--origin", "147.4,8"), "latitude within +-90"),
+        (
+            ("l-hall.toml", "--to", "there.toml", "--origin", "47.4,8"),
+            "allowed with --to: .geojson, .json, .plan, .kml",
+        ),
+        (("l-hall.toml", "--origin", "47.4,8"), "allowed with --to"),
+        (("l-hall.toml", "--to", "there.xml"), "fence: it has 6 corners, not 4"),
+    ],
+)
+def test_what_cannot_be_converted_is_refused(
+    words: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = workspace(WORLDS / words[0], *words[1:])
+    assert done.exit_code == 2
+    assert said in done.stderr.replace("\n", " ")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_map_is_shown_and_drawn_without_stations(tmp_path: Path) -> None:

@@ -171,7 +171,7 @@ def test_the_shipped_worlds_are_read_and_written(path: Path, tmp_path: Path) -> 
     assert [area.ring for area in again.plan.areas] == [area.ring for area in made.plan.areas]
     assert again.robots == made.robots
     if made.plan.origin is not None:
-        there = read(tmp_path / "there.geojson", as_geojson(made, str(path)))
+        there = read(tmp_path / "there.geojson", as_geojson(made, made.plan.origin))
         assert there.plan.fence is not None
         assert made.plan.fence is not None
         for one, other in zip(there.plan.fence, made.plan.fence, strict=True):
