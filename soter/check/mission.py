@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from soter.check.admission import admit_declared, check_all, declare_all, refused_at
+from soter.check.admission import admit, admit_declared, check_all, declare_all, refused_at
 from soter.check.bench import TRIED_ROBOTS, ModuleBench
 from soter.check.conditions import Certainty, Finding, conditions, rejection
 from soter.check.falsify import Falsified, falsify
@@ -99,6 +99,20 @@ def check_mission(
             counterexamples[name], benches[name] = tried.broken, tried.bench
     findings = [each for found in by_module.values() for each in sorted(found, key=lambda one: one.condition)]
     return MissionReport(workspace, findings, counterexamples, benches, tuple(mission.rta.module))
+
+
+def refused(mission: MissionFile, workspace: Workspace) -> tuple[str, ...]:
+    """Return, in words, what `check_mission` refuses of a mission before it tries any module; the same raises.
+
+    P2 of the user's own modules, which only trials tell, is not judged.
+    """
+    admission = admit(mission, workspace, promises_of(mission, workspace))
+    own = tuple(mission.rta.module)
+    return tuple(
+        _in_words(each)
+        for each in (*admission.findings, *admission.proofs)
+        if each.verdict is Certainty.REJECTED or each.is_gap(own)
+    )
 
 
 def admitted(

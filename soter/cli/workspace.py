@@ -15,9 +15,10 @@ from soter.errors import ConfigError, option_error
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from soter.config import MissionFile
     from soter.geometry.grid import GridMap
     from soter.geometry.site import GeoOrigin
-    from soter.geometry.workspace import Ring, Workspace
+    from soter.geometry.workspace import Point, Ring, Workspace
 
 EXAMPLES = """Examples:
   soter workspace examples/surveillance.xml --picture room.png
@@ -26,7 +27,8 @@ EXAMPLES = """Examples:
   soter workspace examples/worlds/flat-patrol.toml
 Exit codes:
   0  robots can use it
-  1  there is a station that cannot be reached from another one
+  1  they cannot: no body fits, a station cannot be reached from the first, there is none (but in a map, whose mission
+     gives them), or, of a mission, `soter check` would refuse it before any trial
   2  bad input: what is wrong is listed, by feature
   3  a file could not be written
 """
@@ -66,11 +68,13 @@ def workspace(
         if origin is not None and to is None:
             raise option_error("--origin", "it says where on earth to write the workspace; allowed with --to")
         files = Outputs({"--to": to, "--picture": picture}, (file,), force=force)
-        made = _read(file)
+        made, mission = _read(file)
         # All outputs are made before the first one is written.
         converted = b"" if to is None else _converted(made, file, to, origin)
         drawn = b"" if picture is None else _drawn(made)
         found = _found(made, radius, clearance)
+        if mission is not None:
+            found["refused"] += _refused(mission, made)
         if to is not None:
             found["left_out"] = left_out(made, to.suffix.lower())
         with unwritten("it"):
@@ -80,24 +84,37 @@ def workspace(
             emit(dumps(found, indent=2))
         else:
             console = make_console()
-            lines = [(key, _words(value)) for key, value in found.items()]
+            lines = [(key, _words(value)) for key, value in found.items() if key != "refused"]
+            lines += [("refused", why) for why in found["refused"] or ["none"]]
             for key, words in [*lines, *(("written", str(path)) for path in (to, picture) if path is not None)]:
                 console.print(f"{key:<18} {words}", soft_wrap=True, highlight=False, markup=False)
-        if found["unreachable"]:
+        if found["unreachable"] or found["refused"]:
             raise typer.Exit(ExitCode.VIOLATION)
 
 
-def _read(file: Path) -> Workspace:
+def _read(file: Path) -> tuple[Workspace, MissionFile | None]:
     """Read a workspace, or that of a mission file, with the stations and starts that the mission gives."""
-    from soter.config import load_mission
+    from soter.cli.overrides import load_with_engine
     from soter.geometry.reading import read_workspace
     from soter.problems import key_lines, read_limited
 
     if file.suffix == ".toml":
         text = read_limited(file, "workspace file").decode(errors="replace")
         if ("workspace",) in key_lines(text):
-            return load_mission(file).read_workspace()
-    return read_workspace(file, inhabited=False)
+            mission = load_with_engine(file, {})
+            return mission.read_workspace(), mission
+    return read_workspace(file, inhabited=False), None
+
+
+def _refused(mission: MissionFile, made: Workspace) -> list[str]:
+    from soter.check.mission import refused
+    from soter.errors import SoterError
+
+    try:
+        return list(refused(mission, made))
+    except SoterError as failure:
+        # The workspace is shown and drawn all the same: it may be what is wrong.
+        return [str(failure)]
 
 
 def _drawn(made: Workspace) -> bytes:
@@ -128,7 +145,11 @@ def _found(made: Workspace, radius_m: float, clearance_m: float) -> dict[str, An
         for row in range(rows)
         if made.contains(*(at := (low_x + (column + 0.5) * step_m, low_y + (row + 0.5) * step_m)))
     ]
-    free = sum(made.clearance_m(*at, radius_m) >= clearance_m for at in inside)
+
+    def is_free(at: Point) -> bool:
+        return made.clearance_m(*at, radius_m) >= clearance_m
+
+    free = sum(map(is_free, inside))
     fence, kept_out = made.outlines()
     stations = {place.id: place.charger.centre for place in made.robots}
     ways = {}
@@ -136,6 +157,12 @@ def _found(made: Workspace, radius_m: float, clearance_m: float) -> dict[str, An
         routes = Routes(terrain_of(made, radius_m), next(iter(stations.values())), clearance_m, clearance_m)
         ways = {robot_id: routes.distance_m(*at) for robot_id, at in stations.items()}
     origin, grid = (made.plan.origin, made.plan.map) if isinstance(made, Site) else (None, None)
+    refused = []
+    # Narrow ways may lie between the places that are looked at.
+    if not free and not any(map(is_free, stations.values())):
+        refused.append(f"nothing is free: no body of a radius of {radius_m:g} m keeps {clearance_m:g} m from areas")
+    if not stations and grid is None:
+        refused.append("there is no station in it, and every robot needs one to charge on; a mission may give them")
     return {
         "shape": "map" if grid is not None else "polygons" if isinstance(made, Site) else "rectangle",
         "bounds_m": [round(each, 3) for each in made.bounds],
@@ -146,6 +173,7 @@ def _found(made: Workspace, radius_m: float, clearance_m: float) -> dict[str, An
         "stations": {robot_id: [round(x, 3), round(y, 3)] for robot_id, (x, y) in stations.items()},
         "way_m": {robot_id: round(way, 2) for robot_id, way in ways.items() if way < float("inf")},
         "unreachable": [robot_id for robot_id, way in ways.items() if way == float("inf")],
+        "refused": refused,
     }
 
 

@@ -123,6 +123,67 @@ def test_a_station_that_no_way_leads_to(tmp_path: Path) -> None:
     assert workspace(tmp_path / "walled.toml", "--clearance", "none").exit_code == 2
 
 
+LABYRINTH = """
+[fence]
+polygon = [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]]
+
+[[keep_out]]
+name = "spiral"
+polygon = [
+    [1.5, 0.0], [1.8, 0.0], [1.8, 7.2], [7.2, 7.2], [7.2, 1.8], [3.5, 1.8], [3.5, 5.5], [3.2, 5.5], [3.2, 1.5],
+    [7.5, 1.5], [7.5, 7.5], [1.5, 7.5],
+]
+
+[[station]]
+x_m = 0.7
+y_m = 0.7
+
+[[station]]
+x_m = 4.5
+y_m = 4.5
+"""
+
+
+@pytest.mark.parametrize(("drive_s", "refused"), [(900.0, True), (14400.0, False)])
+def test_a_battery_that_does_not_last_for_the_way_is_refused(drive_s: float, refused: bool, tmp_path: Path) -> None:
+    (tmp_path / "labyrinth.toml").write_text(LABYRINTH)
+    (tmp_path / "mission.toml").write_text(
+        f'workspace = "labyrinth.toml"\nbackend = "kinematic"\n[battery]\ndrive_s = {drive_s}\nidle_s = 57600.0\n'
+    )
+    done = workspace(tmp_path / "mission.toml", "--picture", tmp_path / "room.png", "--json")
+    said = json.loads(done.stdout)
+    assert (done.exit_code, said["unreachable"], len(said["refused"])) == (int(refused), [], int(refused))
+    assert (tmp_path / "room.png").exists()
+    if refused:
+        assert "P3 of module 'battery' is REJECTED" in said["refused"][0]
+        checked = CliRunner().invoke(app, ["check", str(tmp_path / "mission.toml")])
+        assert checked.exit_code == 1
+        assert said["refused"][0].partition("REJECTED: ")[2] in checked.stdout
+        shown = workspace(tmp_path / "mission.toml")
+        assert f"refused            {said['refused'][0]}" in shown.stdout
+    assert found(tmp_path / "labyrinth.toml")["refused"] == []
+
+
+def test_promises_that_do_not_fit_are_refused_and_shown(tmp_path: Path) -> None:
+    (tmp_path / "mission.toml").write_text(
+        f'workspace = "{ROOT / "examples" / "surveillance.xml"}"\nbackend = "kinematic"\n'
+        "[backends.kinematic]\npromise = { body_radius_m = 0.9 }\n"
+    )
+    done = workspace(tmp_path / "mission.toml", "--json")
+    assert done.exit_code == 1
+    assert "rta.collision.phi_safe_m: it is 0.3, but two bodies" in json.loads(done.stdout)["refused"][0]
+
+
+def test_where_nothing_is_free_and_where_no_station_is_robots_cannot_be(tmp_path: Path) -> None:
+    done = workspace(ROOT / "examples" / "surveillance.xml", "--radius", 5)
+    assert done.exit_code == 1
+    assert "nothing is free: no body of a radius of 5 m keeps 0.15 m" in done.stdout
+    (tmp_path / "empty.toml").write_text(WALLED[: WALLED.index("[[station]]")])
+    done = workspace(tmp_path / "empty.toml")
+    assert done.exit_code == 1
+    assert "there is no station in it" in done.stdout
+
+
 def test_bad_input_is_refused_and_nothing_written(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text(WALLED.replace("5.0", "nan"))
     done = workspace(tmp_path / "bad.toml", "--to", tmp_path / "good.geojson")
