@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -158,6 +159,16 @@ def account_of(failure: BaseException, shown: Callable[[BaseException], str] = r
     except BaseException:  # noqa: BLE001 - foreign code wrote what shows it
         text = "a failure that cannot say what it is"
     return " ".join(text[:MAX_WORDS].split())
+
+
+def is_interruption(failure: BaseException) -> bool:
+    """Return whether foreign code was interrupted, as by Ctrl-C, and has not failed by itself.
+
+    Where Ctrl-C is ignored, as in a mission's own process, only the code itself can have raised a KeyboardInterrupt.
+    Subclasses are those of a watchdog, which uses another signal.
+    """
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    return isinstance(failure, KeyboardInterrupt) and not (ignored and type(failure) is KeyboardInterrupt)
 
 
 def raised_at(failure: BaseException) -> str:

@@ -8,6 +8,7 @@ other threads. `Spec` machines watch what is sent and judge it.
 from soter.machine.audience import Transition
 from soter.machine.errors import (
     EventError,
+    ForeignAwait,
     HandlerError,
     LivenessError,
     MachineDefinitionError,
@@ -26,6 +27,7 @@ __all__ = [
     "Blocked",
     "Event",
     "EventError",
+    "ForeignAwait",
     "Goto",
     "Halt",
     "HandlerError",

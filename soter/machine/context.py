@@ -7,7 +7,7 @@ from collections import deque
 from types import CoroutineType
 from typing import TYPE_CHECKING, Any, Final
 
-from soter.machine.errors import MachineError, SpecError, UnhandledEventError
+from soter.machine.errors import ForeignAwait, MachineError, SpecError, UnhandledEventError
 from soter.machine.events import Event, Halt, MachineRef
 from soter.machine.intake import EVENT, INTERRUPTED, NOTHING, RECEIVED, START, Intake, Wait
 from soter.machine.states import NO_PAYLOAD, Goto, Raise, State, Stay
@@ -172,6 +172,10 @@ class MachineContext(Intake):
         assert coro is not None
         try:
             request = coro.send(value)
+            while request.__class__ is not Wait or request.context is not self:
+                what = "receive() of another machine" if isinstance(request, Wait) else type(request).__name__
+                assert coro.cr_frame is not None
+                request = coro.throw(ForeignAwait(what, coro.cr_frame.f_lineno))
         except StopIteration as stop:
             self.coro = None
             return stop.value
@@ -182,12 +186,6 @@ class MachineContext(Intake):
             # A handler that exits or cancels has failed as well; it must not end the program.
             self.coro = None
             raise self.failure(exc) from exc
-        if request.__class__ is not Wait or request.context is not self:
-            what = "receive() of another machine" if isinstance(request, Wait) else type(request).__name__
-            line = coro.cr_frame.f_lineno if coro.cr_frame is not None else "?"
-            error = self.error(f"awaited something else than self.receive(): {what}, in line {line}")
-            self.abandon(quietly=True)
-            raise error
         handler = self.handler
         if self.state.interrupts and handler is not None and handler.role <= LAST_INTERRUPTIBLE:
             for event in request.events[:-1]:

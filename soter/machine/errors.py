@@ -27,6 +27,19 @@ class MisuseError(SoterError):
     """The runtime or a machine was called in a way it does not allow, such as a send outside a handler."""
 
 
+class ForeignAwait(MisuseError):
+    """A handler awaited something else than ``self.receive()``; raised in it, where it did.
+
+    Attributes:
+        what: The class of what was awaited, or whose ``receive()`` it was.
+    """
+
+    def __init__(self, what: str, line: int) -> None:
+        """Name what was awaited, and the handler's line."""
+        self.what = what
+        super().__init__(f"awaited something else than self.receive(): {what}, in line {line}")
+
+
 class MachineError(SoterError):
     """A machine failed while it ran. The machine is halted; the others can carry on.
 

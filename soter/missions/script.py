@@ -6,16 +6,18 @@ import math
 import random
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from soter.errors import SoterError
+from soter.errors import SoterError, account_of, is_interruption
 from soter.geometry.workspace import Workspace
-from soter.loading import described
-from soter.machine import Event, Goto, Machine, MachineRef, MisuseError, Next, State
+from soter.loading import described, line_in
+from soter.machine import Event, ForeignAwait, Goto, Machine, MachineRef, MisuseError, Next, State
 from soter.missions.stage import Stage
 from soter.problems import shown_value
-from soter.sdk import RobotState, Waypoint
+from soter.sdk import MAX_COORDINATE_M, RobotState
+from soter.sdk.capabilities import is_finite
 from soter.stack.events import TRIES, TargetEnded, TargetOutcome, VisitTarget
 from soter.stack.kit import RobotPort
 from soter.stack.remote import RemoteKit, robot_agent
@@ -24,6 +26,11 @@ LONGEST_S: Final = 1e6
 """Longest time-out of a goal, as in mission files."""
 
 MOST_TRIES: Final = 1000
+
+_OF_ASYNCIO: Final = ("event loop", "Task got bad yield")
+"""What asyncio says if its coroutines are awaited here, or a script's by asyncio."""
+
+_INSTEAD: Final = "; a script awaits robot.go_to, robot.sleep and robot.until, one at a time"
 
 
 class ScriptFailed(SoterError):
@@ -115,17 +122,27 @@ class Robot(Peer):
             tries: number of take-overs and failed paths after which it is given up.
 
         Raises:
-            ValueError: place, time-out or number of tries is not allowed.
+            TypeError: place, time-out or number of tries is no number.
+            ValueError: it is not allowed.
         """
-        Waypoint(x_m, y_m).check()
-        if timeout_s is not None and not 0.0 < timeout_s <= LONGEST_S:
-            raise ValueError(f"timeout_s is {timeout_s}, allowed: above 0, at most {LONGEST_S:g}")
-        if not (1 <= tries <= MOST_TRIES and tries == int(tries)):
-            raise ValueError(f"tries is {tries}, allowed: a whole number from 1 to {MOST_TRIES}")
+        metres = f"a finite number of metres, at most +-{MAX_COORDINATE_M:g}"
+        for name, value in (("x_m", x_m), ("y_m", y_m)):
+            _refuse_unless(lambda at: abs(at) <= MAX_COORDINATE_M, name, value, metres)
+        if timeout_s is not None:
+            seconds = f"seconds above 0, at most {LONGEST_S:g}, or None for target_timeout_s"
+            _refuse_unless(lambda given: 0.0 < given <= LONGEST_S, "timeout_s", timeout_s, seconds)
+        whole = f"a whole number from 1 to {MOST_TRIES}"
+        _refuse_unless(lambda given: 1 <= given <= MOST_TRIES and given == int(given), "tries", tries, whole)
         return await self._script.visit(self._agent, (float(x_m), float(y_m)), timeout_s, int(tries))
 
     async def sleep(self, duration_s: float) -> None:
-        """Wait for a time, at least a tick."""
+        """Wait for a time, at least a tick.
+
+        Raises:
+            TypeError: the time is no number.
+            ValueError: it is not finite.
+        """
+        _refuse_unless(is_finite, "duration_s", duration_s, "a finite number of seconds")
         await self._script.sleep(duration_s)
 
     async def until(self, condition: Callable[[], bool], *, timeout_s: float = math.inf) -> bool:
@@ -135,11 +152,12 @@ class Robot(Peer):
             True once it holds; False if the time is up.
 
         Raises:
-            TypeError: the condition is no function, or a coroutine, which would count as true before it has been asked.
+            TypeError: the condition is no function, or a coroutine, which would count as true before it has been asked;
+                or the time-out is no number.
             ValueError: the time-out is not allowed.
         """
-        if math.isnan(timeout_s):
-            raise ValueError(f"timeout_s is {timeout_s}, allowed: a number of seconds, or none for no end")
+        allowed = "a number of seconds, or none for no end"
+        _refuse_unless(lambda given: given == math.inf or is_finite(given), "timeout_s", timeout_s, allowed)
         asked: object = condition
         if not callable(asked):
             raise TypeError(
@@ -160,6 +178,15 @@ class Robot(Peer):
             await self._script.sleep(0.0)
 
 
+def _refuse_unless(fits: Callable[[Any], bool], name: str, given: object, allowed: str) -> None:
+    """Refuse an argument that is no number, or none that fits."""
+    message = f"{name} is {shown_value(given)}, allowed: {allowed}"
+    if not isinstance(given, Real):
+        raise TypeError(message)
+    if not fits(given):
+        raise ValueError(message)
+
+
 class Wake(Event):
     """A script's own timer."""
 
@@ -173,6 +200,15 @@ class Script:
     stage: Stage
     target_ids: Iterator[int]
     on_end: Callable[[], None]
+
+
+def _in_words(failure: BaseException, run: Callable[..., object]) -> str:
+    """Return what a script has raised, with its line, and what to await if it has awaited what only others can."""
+    file = Path(run.__code__.co_filename) if hasattr(run, "__code__") else None
+    if isinstance(failure, ForeignAwait):
+        return f"it awaited something of another library, of type {failure.what}{line_in(file, failure)}{_INSTEAD}"
+    told = any(each in account_of(failure, str) for each in _OF_ASYNCIO)
+    return f"{described(failure, file)}{_INSTEAD if told else ''}"
 
 
 class RobotScript(Machine):
@@ -194,13 +230,12 @@ class RobotScript(Machine):
         await self.sleep(0.0)
         try:
             await script.run(Robot(self, robot_id, stage, agent))
-        except (KeyboardInterrupt, GeneratorExit):
+        except GeneratorExit:
             raise
         except BaseException as failure:
-            file = Path(script.run.__code__.co_filename) if hasattr(script.run, "__code__") else None
-            # asyncio's message if there is no event loop.
-            hint = "; a script waits with robot.sleep and robot.until" if "event loop" in str(failure) else ""
-            raise ScriptFailed(f"{described(failure, file)}{hint}") from failure
+            if is_interruption(failure):
+                raise
+            raise ScriptFailed(_in_words(failure, script.run)) from failure
         script.on_end()
         return Goto(self.Ended)
 

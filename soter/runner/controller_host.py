@@ -14,7 +14,7 @@ from typing import Final
 
 from soter.config import MissionFile
 from soter.controllers import Arena, Controller, build
-from soter.errors import account_of
+from soter.errors import account_of, is_interruption
 from soter.geometry.workspace import Workspace
 from soter.isolation.messages import MAX_TEXT
 from soter.isolation.sandbox import denied
@@ -153,9 +153,9 @@ class ControllerHost:
         self.current_handler = f"{driver.name}.{handler}"
         try:
             call(driver.controller)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as failure:  # noqa: BLE001 - it is untrusted, and this is the supervisor's thread
+        except BaseException as failure:
+            if is_interruption(failure):
+                raise
             cause = f"{driver.name} failed: {account_of(failure)}{line_in(driver.file, failure)}"
             cause += _not_begun(driver.controller, failure) or denied(failure)
             logger.error("%s: %s", driver.whose, cause)

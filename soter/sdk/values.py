@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from numbers import Real
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from soter.controller import Controller as Controller
 from soter.sdk.capabilities import Capabilities, is_finite
@@ -39,6 +39,10 @@ class GoalStatus(Enum):
     FAILED = "failed"
 
 
+_OPTIONAL: Final = ("heading_rad", "speed_m_s")
+"""What a waypoint may leave open, by None."""
+
+
 class Waypoint(NamedTuple):
     """A place to go to, with its own radius of arrival and time-out.
 
@@ -69,9 +73,14 @@ class Waypoint(NamedTuple):
             TypeError: a value is not a number: one that only compares like a number would fail later, in the vehicle.
         """
         values: tuple[object, ...] = self
-        for value in values:
-            if type(value) is not float and value is not None and not isinstance(value, Real):
-                raise TypeError(f"Waypoint has a {type(value).__name__} in {self!r}, allowed: numbers")
+        for name, value in zip(self._fields, values, strict=True):
+            if (
+                type(value) is not float
+                and not isinstance(value, Real)
+                and (value is not None or name not in _OPTIONAL)
+            ):
+                kind = type(value).__name__
+                raise TypeError(f"Waypoint.{name} is of type {kind} in {self!r}, allowed: numbers")
         for name in ("x_m", "y_m", "z_m"):
             value = getattr(self, name)
             # Written so that NaN fails too.

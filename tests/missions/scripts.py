@@ -108,6 +108,30 @@ class AwaitsAnything(Mission):
         await asyncio.sleep(1.0)
 
 
+class AwaitsNoLoop(Mission):
+    async def run(self, robot: Robot) -> None:
+        await asyncio.sleep(0)
+
+
+class GoesToNone(Mission):
+    async def run(self, robot: Robot) -> None:
+        await robot.go_to(None, 2.0)  # type: ignore[arg-type]
+
+
+class SleepsInWords(Mission):
+    async def run(self, robot: Robot) -> None:
+        await robot.sleep("5")  # type: ignore[arg-type]
+
+
+class Interrupts(Mission):
+    """Robot 1's script raises what Ctrl-C does."""
+
+    async def run(self, robot: Robot) -> None:
+        if robot.id == 1:
+            raise KeyboardInterrupt
+        await robot.sleep(100.0)
+
+
 class AwaitsNothing(Mission):
     async def run(self, robot: Robot) -> None:
         while True:

@@ -172,7 +172,12 @@ def test_a_script_that_raises_costs_its_robot_the_ac_and_no_other(caplog: pytest
     ("name", "words"),
     [
         ("AwaitsAnything", "RuntimeError: no running event loop"),
+        ("AwaitsAnything", "; a script awaits robot.go_to, robot.sleep and robot.until, one at a time"),
+        ("AwaitsNoLoop", "it awaited something of another library, of type NoneType (scripts.py, line "),
+        ("AwaitsNoLoop", "; a script awaits robot.go_to, robot.sleep and robot.until, one at a time"),
         ("GoesNowhere", "ValueError: "),
+        ("GoesToNone", "TypeError: x_m is None, allowed: a finite number of metres, at most +-25000 (scripts.py, "),
+        ("SleepsInWords", "TypeError: duration_s is '5', allowed: a finite number of seconds (scripts.py, line "),
         (
             "UsesOther",
             "MisuseError: the handle of robot 2 was awaited elsewhere; a script may await its own",
@@ -261,6 +266,14 @@ def test_in_a_process_of_its_own_it_is_the_same(caplog: pytest.LogCaptureFixture
         result = ran("Raises", backend=ZMQ, duration_s=3.0).result
     assert set(result.failed_robots) == {1}
     assert "RuntimeError: out of ideas (scripts.py, line " in result.failed_robots[1]
+
+
+def test_a_script_interrupts_its_own_process_alone() -> None:
+    """There no Ctrl-C arrives, so that it can only be the script's own."""
+    result = ran("Interrupts", backend=ZMQ, duration_s=2.0).result
+    assert result.status == "completed"
+    assert {*result.failed_robots} == {1}
+    assert result.failed_robots[1].startswith("its script failed: KeyboardInterrupt: (scripts.py, line ")
 
 
 def test_what_a_script_logs_reads_the_same_from_a_process_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
