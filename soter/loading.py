@@ -76,15 +76,31 @@ def load_class(name: str, target: str, base: type[Any], refused: Refused) -> typ
     """Import and return the class of a target (see `known_target`), which has to be a subclass of `base`.
 
     Raises:
-        ConfigError: there is no such class, it is no subclass of `base`, or it is abstract.
+        ConfigError: there is no such class, it is no subclass of `base`, it is abstract, or it has made a method async.
     """
     found = load_named(target, refused, base)
     if not (isinstance(found, type) and issubclass(found, base)):
-        raise refused(f"it is '{name}', which is {found!r}, allowed: a subclass of {base.__name__}")
+        kind = f"class, but no {base.__name__} of SOTER's" if isinstance(found, type) else type(found).__name__
+        raise refused(f"it is '{name}', which is a {kind}; allowed: a subclass of {base.__name__}")
     if inspect.isabstract(found):
         missing = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
         raise refused(f"it is '{name}', which does not define {missing}")
+    if method := _made_async(found):
+        raise refused(f"it is '{name}', whose {method} is async; allowed: `def {method}`, which is not awaited")
     return found
+
+
+def _made_async(found: type) -> str:
+    """Return the name of an async method in place of one that is not, and so is called and not awaited; else empty."""
+
+    def is_async(method: object) -> bool:
+        return inspect.iscoroutinefunction(method) or inspect.isasyncgenfunction(method)
+
+    for base in found.__mro__:
+        for name, value in vars(base).items():
+            if inspect.isroutine(value) and not is_async(getattr(base, name)) and is_async(getattr(found, name)):
+                return name
+    return ""
 
 
 def load_named(target: str, refused: Refused, base: type | None = None) -> object:

@@ -56,7 +56,8 @@ def controller_class(mission: MissionFile) -> type[Controller]:
     model: object = found.Options
     if not (isinstance(model, type) and issubclass(model, BaseModel)) or model.model_config.get("extra") != "forbid":
         allowed = 'a pydantic model that refuses unknown keys, as class Options(BaseModel, extra="forbid") does'
-        raise refused(f"it is '{name}', whose Options is {model!r}, allowed: {allowed}")
+        kind = "a class, but not" if isinstance(model, type) else f"a {type(model).__name__}"
+        raise refused(f"it is '{name}', whose Options is {kind}, allowed: {allowed}")
     return found
 
 

@@ -115,6 +115,11 @@ class GivesWords(Fails):
         return Waypoint("2", 1.0)
 
 
+class GivesNone(Fails):
+    def answer(self, own):
+        return Waypoint(None, 1.0)
+
+
 class GivesPairs(Fails):
     def answer(self, own):
         return (1.0, 2.0)
@@ -133,6 +138,16 @@ class Writes(VelocityController):
 class Turns(VelocityController):
     def velocity(self, own, now_s):
         return 0.1 if own.robot_id == 2 else Velocity(0.1)
+
+
+class StepsAsync(Controller):
+    async def step(self, own, now_s):
+        return Waypoint(*AT)
+
+
+class CirclesAsync(VelocityController):
+    async def velocity(self, own, now_s):
+        return Velocity(0.1)
 
 
 class LeavesWhenMade(Fails):
@@ -275,7 +290,10 @@ def test_options_come_from_the_table_of_the_class(folder: Path) -> None:
         ({"ac": "won.py:Wanders"}, "ac", "there is no file '.*won.py', did you mean 'own.py'"),
         ({"ac": "own.py:Wander"}, "ac", "no 'Wander' in it, did you mean 'Wanders'"),
         ({"ac": "own.py"}, "ac", "say which"),
-        ({"ac": "own.py:NoController"}, "ac", "a subclass of Controller"),
+        ({"ac": "own.py:NoController"}, "ac", "own.py:NoController', which is a class, but no Controller of SOTER's; "),
+        ({"ac": "own.py:math"}, "ac", "own.py:math', which is a module; allowed: a subclass of Controller"),
+        ({"ac": "own.py:StepsAsync"}, "ac", "own.py:StepsAsync', whose step is async; allowed: `def step`"),
+        ({"ac": "own.py:CirclesAsync"}, "ac", "whose velocity is async; allowed: `def velocity`"),
         ({"ac": "own.py:DoesNothing"}, "ac", "neither step nor act"),
         ({"ac": "own.py:Abstract"}, "ac", "does not define velocity"),
         ({"ac": "own.py:Lax"}, "ac", "Options"),
@@ -310,6 +328,7 @@ def test_what_is_wrong_is_refused_before_anything_moves(
         ("RaisesAnything", "cannot say what it is"),
         ("GivesNan", "x_m is nan"),
         ("GivesWords", "str"),
+        ("GivesNone", "Waypoint.x_m is of type NoneType"),
         ("GivesPairs", "tuple"),
         ("Spins", "inf"),
         ("Turns", "float"),

@@ -289,6 +289,17 @@ class Plain(Mission):
         """Is no coroutine."""
 
 
+class BeginsAsync(Mission):
+    async def begin(self, stage: Stage) -> None:  # type: ignore[override] # what a user has got wrong
+        """Would never be awaited."""
+
+
+class ChecksAsync(Looks):
+    @classmethod
+    async def check_workspace(cls, *_: Any) -> None:  # type: ignore[override]
+        """Would never be awaited."""
+
+
 class Nothing(Mission):
     pass
 
