@@ -86,7 +86,7 @@ def load_class(name: str, target: str, base: type[Any], refused: Refused) -> typ
         missing = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
         raise refused(f"it is '{name}', which does not define {missing}")
     if method := _made_async(found):
-        raise refused(f"it is '{name}', whose {method} is async; allowed: `def {method}`, which is not awaited")
+        raise refused(f"it is '{name}', whose {method} is async; allowed: `def {method}`, since nothing awaits it")
     return found
 
 

@@ -40,17 +40,28 @@ def read_options(backend: type[Backend], mission: MissionFile, workspace: Worksp
     Ground truth also judges by the tables of modules that are off: runs with and without a module are judged alike.
 
     Raises:
-        ConfigError: an option that the backend does not have or allow; the message names its key. Or a table of
-            options for an unknown backend or planner.
+        ConfigError: an option that the backend, or another built-in one with a table, does not have or allow; the
+            message names its key. Or a table of options for an unknown backend or planner.
     """
     _refuse_misspelt_tables(mission)
-    limits = RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m)
+    for name in mission.backends:
+        if name in BUILT_IN and name != mission.backend:
+            _options_of(load_backend(name, to_open=False), name, mission, workspace)
+    return _options_of(backend, mission.backend, mission, workspace)
+
+
+def _options_of(backend: type[Backend], name: str, mission: MissionFile, workspace: Workspace) -> BackendConfig:
+    """Return the options that a mission's table gives to a backend, checked by its model."""
     return validate_options(
         backend.config_model,
-        mission.backends.get(mission.backend, {}),
+        mission.backends.get(name, {}),
         mission.source,
-        dotted("backends", mission.backend),
-        {"workspace": workspace, "seed": mission.seed, "limits": limits},
+        dotted("backends", name),
+        {
+            "workspace": workspace,
+            "seed": mission.seed,
+            "limits": RuleLimits(mission.rta.collision.phi_safe_m, mission.rta.obstacle.phi_safe_m),
+        },
         mission.overridden,
     )
 

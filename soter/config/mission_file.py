@@ -256,7 +256,16 @@ class MissionFile(Table):
     def _problem(self, key: str, message: str) -> Problem:
         """Return a problem of one key, with the place where its value was given."""
         parts = split_key(key)
-        origin = next((origin for given, origin in self._overridden.items() if parts[: len(given)] == given), None)
+        in_file = any(each[: len(parts)] == parts for each in self._lines)
+        origin = next(
+            (
+                origin
+                for given, origin in self._overridden.items()
+                # A table that only an override names, such as a misspelt one, comes from there.
+                if parts[: len(given)] == given or (given[: len(parts)] == parts and not in_file)
+            ),
+            None,
+        )
         return Problem(message, key, line_of(parts, self._lines) if origin is None else None, origin)
 
 

@@ -18,6 +18,7 @@ from soter.problems import (
     line_of,
     pydantic_problems,
     read_limited,
+    shown_value,
     split_key,
 )
 
@@ -71,36 +72,41 @@ def validate_options(
         raise ConfigError(
             f"these options cannot be checked: {account_of(failure)}", source=source, key=key
         ) from failure
-    for where, known in _ignored(options, raw):
-        at, name = (*prefix, *where), where[-1]
+    for where, message in _unnoticed(options, raw):
+        at = (*prefix, *where)
         own = next((origin for each, origin in overridden.items() if each == at[: len(each)]), None)
-        message = f"unknown key{nearest(name, known)}; allowed: {', '.join(known)}"
         problems.append(Problem(message, dotted(*at), None if own else line_of(at, lines), own))
     if problems:
         raise config_error(problems, source)
     return options
 
 
-def _ignored(value: object, raw: object, at: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[str]]]:
-    """Yield the keys that a model took no notice of, as pydantic's do unless told otherwise, with those that it knows.
+def _unnoticed(value: object, raw: object, at: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the keys with slips that a model took no notice of, as pydantic's do unless told otherwise, in words.
 
-    A model that says itself what becomes of unknown keys, by `extra`, is left to that.
+    These are unknown keys, and texts and numbers in place of true or false. A model that says itself what becomes of
+    unknown keys, by `extra`, is left to that.
     """
-    if isinstance(value, BaseModel) and isinstance(raw, Mapping):
+    if isinstance(value, bool) and not isinstance(raw, bool):
+        yield at, f"it is {shown_value(raw)}, allowed: true or false"
+    elif isinstance(value, BaseModel) and isinstance(raw, Mapping):
         config, fields = type(value).model_config, type(value).model_fields
         known = {field.alias or name: name for name, field in fields.items()}
         if config.get("populate_by_name") or config.get("validate_by_name"):
             known |= {name: name for name in fields}
         if "extra" not in config:
-            yield from (((*at, key), [*known]) for key in raw if key not in known)
+            unknown = [key for key in raw if key not in known]
+            yield from (
+                ((*at, key), f"unknown key{nearest(key, [*known])}; allowed: {', '.join(known)}") for key in unknown
+            )
         for key in known.keys() & raw.keys():
-            yield from _ignored(getattr(value, known[key]), raw[key], (*at, key))
+            yield from _unnoticed(getattr(value, known[key]), raw[key], (*at, key))
     elif isinstance(value, Mapping) and isinstance(raw, Mapping) and len(value) == len(raw):
         for each, (key, of) in zip(value.values(), raw.items(), strict=True):
-            yield from _ignored(each, of, (*at, key))
+            yield from _unnoticed(each, of, (*at, key))
     elif isinstance(value, list | tuple) and isinstance(raw, list) and len(value) == len(raw):
         for index, (each, of) in enumerate(zip(value, raw, strict=True)):
-            yield from _ignored(each, of, (*at, str(index)))
+            yield from _unnoticed(each, of, (*at, str(index)))
 
 
 def _lines_in(source: str | None) -> dict[tuple[str, ...], int]:

@@ -99,8 +99,13 @@ def _checked(
 ) -> MissionFile:
     where = {split_key(key): origins.get(key, COMMAND_LINE) for key in overrides or {}}
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
-    if isinstance(raw.get("robots"), dict) and isinstance(given.get(("robots",)), int):
-        # Overriding the number of robots keeps the file's tables of single robots.
+    of_single = isinstance(raw.get("robots"), dict) or any(key[:1] == ("robots",) and len(key) > 1 for key in given)
+    if of_single and isinstance(raw.get("robots"), int):
+        raw["robots"] = {"count": raw["robots"]}
+    if of_single and isinstance(given.get(("robots",)), int):
+        # Overriding the number of robots keeps the tables of single robots.
+        if ("robots", "count") in given:
+            raise ConfigError("it is given twice, also as robots.count", source=where["robots",], key="robots")
         given["robots", "count"] = given.pop(("robots",))
         where["robots", "count"] = where["robots",]
     if raw.get("app") == SURVEILLANCE and "mission" not in raw:

@@ -61,21 +61,26 @@ def controller_class(mission: MissionFile) -> type[Controller]:
     return found
 
 
+def refuse_unknown_tables(mission: MissionFile) -> None:
+    """Raise ConfigError if a mission has a table of options for an adversary that there is not, whatever its ACs are.
+
+    A table may be there for other runs of the mission, but one that is misspelt is for none.
+    """
+    for name in mission.adversaries:
+        if name not in ADVERSARIES:
+            known = f"allowed: {', '.join(ADVERSARIES)}; the options of other classes stand in [controllers.CLASS]"
+            raise mission.refusal(dotted("adversaries", name), f"there is none{nearest(name, [*ADVERSARIES])}; {known}")
+
+
 def options_of(mission: MissionFile, found: type[Controller]) -> BaseModel:
     """Return the options of a mission's controllers, whose class is `found`.
 
     Those of an adversary are in `[adversaries.NAME]`, those of any other class in `[controllers.CLASS]`.
 
     Raises:
-        ConfigError: an option is unknown or not allowed, or a table is for an unknown class.
+        ConfigError: an option is unknown or not allowed.
     """
     name = mission.ac
-    for other in mission.adversaries:
-        if other not in ADVERSARIES:
-            known = f"allowed: {', '.join(ADVERSARIES)}; the options of other classes stand in [controllers.CLASS]"
-            raise mission.refusal(
-                dotted("adversaries", other), f"there is none{nearest(other, [*ADVERSARIES])}; {known}"
-            )
     group, table, tables = "controllers", found.__name__, mission.controllers
     if name.startswith(PREFIX):
         group, table, tables = "adversaries", name.removeprefix(PREFIX), mission.adversaries

@@ -8,7 +8,6 @@ other threads. `Spec` machines watch what is sent and judge it.
 from soter.machine.audience import Transition
 from soter.machine.errors import (
     EventError,
-    ForeignAwait,
     HandlerError,
     LivenessError,
     MachineDefinitionError,
@@ -27,7 +26,6 @@ __all__ = [
     "Blocked",
     "Event",
     "EventError",
-    "ForeignAwait",
     "Goto",
     "Halt",
     "HandlerError",

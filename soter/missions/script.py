@@ -13,7 +13,8 @@ from typing import Any, Final
 from soter.errors import SoterError, account_of, is_interruption
 from soter.geometry.workspace import Workspace
 from soter.loading import described, line_in
-from soter.machine import Event, ForeignAwait, Goto, Machine, MachineRef, MisuseError, Next, State
+from soter.machine import Event, Goto, Machine, MachineRef, MisuseError, Next, State
+from soter.machine.errors import ForeignAwait
 from soter.missions.stage import Stage
 from soter.problems import shown_value
 from soter.sdk import MAX_COORDINATE_M, RobotState

@@ -7,7 +7,7 @@ from functools import partial
 
 from soter import missions
 from soter.config import MissionFile
-from soter.controllers import MISSION
+from soter.controllers import MISSION, refuse_unknown_tables
 from soter.geometry.workspace import Workspace
 from soter.registry import in_virtual_time
 from soter.runner.controller_host import ControllerHost
@@ -51,10 +51,11 @@ def check_acs(mission: MissionFile) -> None:
     whose library is not installed here passes.
 
     Raises:
-        ConfigError: there is no such mission, controller, planner or bus, one does not allow an option or cannot be
-            made, or the mission cannot be done in the workspace.
+        ConfigError: there is no such mission, controller, adversary, planner or bus, one does not allow an option or
+            cannot be made, or the mission cannot be done in the workspace.
         BackendError: the mission's backend cannot be loaded, or the planner's worker cannot be started.
     """
+    refuse_unknown_tables(mission)
     workspace = mission.read_workspace()
     parts: list[Part | None] = [None]
     if mission.distribution.processes and not in_virtual_time(mission.backend):

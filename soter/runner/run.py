@@ -13,6 +13,7 @@ from soter.check.admission import refused_at
 from soter.check.mission import admitted
 from soter.clock import VehicleClock
 from soter.config import MissionFile
+from soter.controllers import refuse_unknown_tables
 from soter.errors import ConfigError, IllFormedModule, RunFailed
 from soter.faults import FaultyFleet, read_faults
 from soter.geometry.workspace import Workspace
@@ -82,6 +83,7 @@ def run_mission(
     with preparing(), _watched_trials(follower) as tell:
         backend_class = load_backend(mission.backend)
         config = read_options(backend_class, mission, workspace)
+        refuse_unknown_tables(mission)
         specs = robot_specs(mission, workspace, asked(backend_class, config, mission, workspace))
         faults = read_faults(mission, [spec.id for spec in specs])
         promised = promises(backend_class, config, mission, workspace)  # refuses bodies that do not fit

@@ -93,6 +93,16 @@ def test_overrides_take_the_place_of_the_file() -> None:
     assert made.planners == {"my.module:Planner": {"checks": 7}}
 
 
+@pytest.mark.parametrize(
+    ("text", "overrides"),
+    [("", {"robots": 2}), ("robots = 2\n", {}), ("robots.1.v_max_m_s = 0.2\n", {"robots": 2})],
+)
+def test_a_number_of_robots_goes_with_promises_of_single_ones(text: str, overrides: dict[str, object]) -> None:
+    made = mission(text, {**overrides, "robots.2.v_max_m_s": 0.3})
+    assert made.robots.count == 2
+    assert made.robots.promises[2].v_max_m_s == 0.3
+
+
 def test_none_is_not_given() -> None:
     assert mission("seed = 5\n", {"seed": None, "rta.enabled": None}).seed == 5
 
@@ -114,6 +124,8 @@ def test_an_override_mends_the_file() -> None:
         ({"sed": 1}, "command line: sed: unknown key, did you mean 'seed'?; allowed: mission, "),
         ({"seed.x": 1}, "command line: seed.x: there is no such key: its parent is not a table"),
         ({"": 1}, "command line: '': there is no such key"),
+        ({"robots": 0, "robots.2.v_max_m_s": 0.3}, "command line: robots.count: it is 0, allowed: at least 1"),
+        ({"robots": 1, "robots.count": 2}, "command line: robots: it is given twice, also as robots.count"),
         ({"rta.colision.delta_s": 1}, "command line: rta.colision: unknown key, did you mean 'collision'?; allowed: "),
         ({"rta.collision.delta_s": 0.07}, "command line: rta.collision.delta_s: it is 0.07, allowed: a multiple of"),
         (
@@ -242,6 +254,8 @@ def test_options_are_checked_by_their_own_model() -> None:
     ("raw", "expected"),
     [
         ({"rate_hz": 0}, "backends.kinematic.rate_hz: it is 0, allowed: above 0"),
+        ({"gui": "yes"}, "backends.kinematic.gui: it is 'yes', allowed: true or false"),
+        ({"gui": 1}, "backends.kinematic.gui: it is 1, allowed: true or false"),
         ({"rate": 1}, "backends.kinematic.rate: unknown key, did you mean 'rate_hz'?; allowed: rate_hz, gui"),
         ({"workspace": "x"}, "backends.kinematic.workspace: unknown key; allowed: rate_hz, gui"),
     ],

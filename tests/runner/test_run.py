@@ -165,7 +165,14 @@ def test_an_unknown_option_of_a_backend_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "hint"), [("backends.kinematik", "did you mean 'kinematic'"), ("planners.ompl-bitster", "ompl-bitstar")]
+    ("key", "hint"),
+    [
+        ("backends.kinematik", "did you mean 'kinematic'"),
+        ("planners.ompl-bitster", "ompl-bitstar"),
+        ("adversaries.chaise", "did you mean 'chase'"),
+        ("backends.mavlink.promse", "did you mean 'promise'"),
+        ("backends.zenoh.session.unencryptd", "did you mean 'unencrypted'"),
+    ],
 )
 def test_options_of_what_there_is_not_are_refused(key: str, hint: str) -> None:
     with pytest.raises(ConfigError, match=rf"{key}.*{hint}"):
