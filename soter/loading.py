@@ -191,7 +191,7 @@ def _only_class(module: ModuleType, base: type | None, target: str, refused: Ref
 
 def described(failure: BaseException, path: Path | None) -> str:
     """Return an exception in words, with the last line of a file in its traceback, if any."""
-    line = account_of(failure, lambda each: f"{type(each).__name__}: {each}")
+    line = account_of(failure, lambda each: f"{type(each).__name__}: {each}".removesuffix(": "))
     return line if isinstance(failure, SyntaxError) else line + line_in(path, failure)
 
 

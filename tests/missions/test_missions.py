@@ -273,7 +273,7 @@ def test_a_script_interrupts_its_own_process_alone() -> None:
     result = ran("Interrupts", backend=ZMQ, duration_s=2.0).result
     assert result.status == "completed"
     assert {*result.failed_robots} == {1}
-    assert result.failed_robots[1].startswith("its script failed: KeyboardInterrupt: (scripts.py, line ")
+    assert result.failed_robots[1].startswith("its script failed: KeyboardInterrupt (scripts.py, line ")
 
 
 def test_what_a_script_logs_reads_the_same_from_a_process_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
