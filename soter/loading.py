@@ -94,11 +94,12 @@ def _made_async(found: type) -> str:
     """Return the name of an async method in place of one that is not, and so is called and not awaited; else empty."""
 
     def is_async(method: object) -> bool:
-        return inspect.iscoroutinefunction(method) or inspect.isasyncgenfunction(method)
+        function = getattr(method, "__func__", method)  # a class method's
+        return inspect.iscoroutinefunction(function) or inspect.isasyncgenfunction(function)
 
     for base in found.__mro__:
         for name, value in vars(base).items():
-            if inspect.isroutine(value) and not is_async(getattr(base, name)) and is_async(getattr(found, name)):
+            if inspect.isroutine(value) and not is_async(value) and is_async(inspect.getattr_static(found, name)):
                 return name
     return ""
 

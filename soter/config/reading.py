@@ -101,6 +101,7 @@ def _checked(
     given = {split_key(key): value for key, value in (overrides or {}).items() if value is not None}
     of_single = isinstance(raw.get("robots"), dict) or any(key[:1] == ("robots",) and len(key) > 1 for key in given)
     if of_single and isinstance(raw.get("robots"), int):
+        # The number may stand alone in the file, and promises of single robots be given beside it.
         raw["robots"] = {"count": raw["robots"]}
     if of_single and isinstance(given.get(("robots",)), int):
         # Overriding the number of robots keeps the tables of single robots.

@@ -175,6 +175,7 @@ class MachineContext(Intake):
             while request.__class__ is not Wait or request.context is not self:
                 what = "receive() of another machine" if isinstance(request, Wait) else type(request).__name__
                 assert coro.cr_frame is not None
+                # Raised where it was awaited, so that the traceback shows users' own lines.
                 request = coro.throw(ForeignAwait(what, coro.cr_frame.f_lineno))
         except StopIteration as stop:
             self.coro = None

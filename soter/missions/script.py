@@ -137,7 +137,7 @@ class Robot(Peer):
         return await self._script.visit(self._agent, (float(x_m), float(y_m)), timeout_s, int(tries))
 
     async def sleep(self, duration_s: float) -> None:
-        """Wait for a time, at least a tick.
+        """Wait for a time, at least a tick; so long, too, if the time is over already and `duration_s` below 0.
 
         Raises:
             TypeError: the time is no number.
