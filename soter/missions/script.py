@@ -157,7 +157,7 @@ class Robot(Peer):
                 or the time-out is no number.
             ValueError: the time-out is not allowed.
         """
-        allowed = "a number of seconds, or none for no end"
+        allowed = "a finite number of seconds, or math.inf for no end"
         _refuse_unless(lambda given: given == math.inf or is_finite(given), "timeout_s", timeout_s, allowed)
         asked: object = condition
         if not callable(asked):
