@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from soter.errors import ConfigError
-from soter.geometry.draft import STATION_SIDE_M
 from soter.geometry.earth import Projection
 from soter.geometry.site import GeoOrigin, Site
-from soter.geometry.workspace import Point, RobotPlace, Workspace
+from soter.geometry.workspace import HEIGHT_M, Point, RobotPlace, Workspace
+from soter.geometry.workspace_xml import STATION_SIDE_M
 
 Place = Callable[[Point], tuple[float, float]]
 """Returns latitude and longitude in degrees of a point."""
@@ -119,7 +119,7 @@ def left_out(workspace: Workspace, ending: str) -> list[str]:
     robots, site = workspace.robots, isinstance(workspace, Site)
     has = {
         "names": site and bool(kept_out(workspace)),
-        "heights": any(height_m != 1.0 for _, height_m, _ in kept_out(workspace)),
+        "heights": any(height_m != HEIGHT_M for _, height_m, _ in kept_out(workspace)),
         "sides of stations": any(not math.isclose(station_side_m(each), STATION_SIDE_M) for each in robots),
         "starts": any((each.x_m, each.y_m) != each.charger.centre or each.heading_rad != 0.0 for each in robots),
         "ids": [each.id for each in robots] != list(range(1, len(robots) + 1)),
