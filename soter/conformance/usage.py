@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import resource
+import tempfile
 import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from soter.scratch import Scratch
+
 _PROC: Final = Path("/proc")
 _MIB: Final = 1 << 20
+_FOLDER: Final = "kit"
 
 
 class Usage(NamedTuple):
@@ -18,12 +25,14 @@ class Usage(NamedTuple):
         threads: names of threads, by the kernel's id.
         descriptors: targets of file descriptors, by number.
         processes: commands of this process's descendants, zombies included, by id.
+        files: names of files in the folder for temporary files, by a number; none outside of `temporary_files`.
         memory_mib: resident memory.
     """
 
     threads: dict[int, str]
     descriptors: dict[int, str]
     processes: dict[int, str]
+    files: dict[int, str]
     memory_mib: float
 
 
@@ -36,7 +45,29 @@ def usage() -> Usage | None:
     threads = {int(each.name): python.get(int(each.name), _text(each / "comm")) for each in (own / "task").iterdir()}
     descriptors = {int(each.name): _target(each) for each in (own / "fd").iterdir()}
     resident = int(_text(own / "statm").split()[1])
-    return Usage(threads, descriptors, _descendants(), resident * resource.getpagesize() / _MIB)
+    return Usage(threads, descriptors, _descendants(), _files(), resident * resource.getpagesize() / _MIB)
+
+
+@contextmanager
+def temporary_files() -> Iterator[None]:
+    """Have this process and those that it starts put temporary files into a folder of their own for a while."""
+    before = os.environ.get("TMPDIR")
+    with closing(Scratch(_FOLDER)) as scratch:
+        tempfile.tempdir = os.environ["TMPDIR"] = str(scratch.path)
+        try:
+            yield
+        finally:
+            tempfile.tempdir = None
+            os.environ.pop("TMPDIR")
+            if before is not None:
+                os.environ["TMPDIR"] = before
+
+
+def _files() -> dict[int, str]:
+    folder = Path(tempfile.gettempdir())
+    if not folder.name.startswith(f"soter-{_FOLDER}-"):
+        return {}
+    return {hash(name): name for name in (str(each.relative_to(folder)) for each in folder.rglob("*"))}
 
 
 def _descendants() -> dict[int, str]:

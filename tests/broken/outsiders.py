@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import tempfile
 import time
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ from tests.broken.edits import driven, edited, sampled, targeted, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import memory, once_in, with_control
-from tests.conformance.wire import Vehicle, WireRobot
+from tests.conformance.wire import Intent, Vehicle, WireRobot
 
 _MANY: Final = 97
 _PROGRESS_M, _PROGRESS_S = 0.1, 10.0
@@ -25,6 +26,7 @@ _REPORTS_S: Final = 0.5
 _SELDOM: Final = 20
 _LEAPS_S: Final = 20.0
 _STANDS_M_S: Final = 1e-3
+_WINDOW: Final = 1000
 
 
 def _backs_away(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
@@ -182,6 +184,21 @@ def _heads_on(robot: Any, target: Waypoint) -> Waypoint:
     return target._replace(heading_rad=kept[0])
 
 
+def _as_it_drives(robot: Any, target: Waypoint) -> Waypoint:
+    at = robot._honest()
+    ahead_m_s = math.cos(at.heading_rad) * at.vx_m_s + math.sin(at.heading_rad) * at.vy_m_s
+    return target if ahead_m_s > -_MOVES_M_S else target._replace(heading_rad=at.heading_rad)
+
+
+def _keeps_a_record(self: Any, timeout_s: float) -> Capabilities:
+    with tempfile.NamedTemporaryFile(delete=False):
+        return Broken._connect(self, timeout_s)
+
+
+def _within_a_window(self: Any, intent: Intent, clock_s: float) -> bool:
+    return Vehicle.follows(self, intent, clock_s) and intent.number <= self.heard + _WINDOW
+
+
 OUTSIDERS: Final[tuple[type[Broken], ...]] = (
     sampled("ZerosNowAndThen", "Hands out a velocity of 0 where it could not be read, once in 97 samples.",
             "bounds.long_tube", "handed out as zeros", once_in(_MANY, vx_m_s=0.0, vy_m_s=0.0, yaw_rate_rad_s=0.0)),
@@ -208,6 +225,10 @@ OUTSIDERS: Final[tuple[type[Broken], ...]] = (
            _send_goto=_keeps_some),
     targeted("HeadsOn", "Turns to the heading of an earlier goal where a goal has none.", "goto.no_heading",
              "a goal's before", _heads_on),
+    targeted("GoesOnBackwards", "Drives backwards to a goal that takes the place of one that it drives backwards to.",
+             "goto.no_heading", "goes on backwards", _as_it_drives),
+    edited("KeepsARecord", "Keeps a record among the temporary files, and leaves it there.", "resources.given_back",
+           "temporary files", _connect=_keeps_a_record),
 )  # fmt: skip
 
 OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
@@ -228,4 +249,6 @@ OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     driven("SwitchedOnAgain", "Is driven again when its lease is renewed, though a person has switched its motors off.",
            "authority.disabled", "takes it back",
            passing=lambda self, clock_s: None if self.seized else self.mux.passing(clock_s)),
+    driven("TakesAWindow", "Takes no command whose number is more than a thousand beyond the last.", "link.many_lost",
+           "for old or wrong", follows=_within_a_window),
 )  # fmt: skip

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import mmap
+import os
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
@@ -109,4 +112,22 @@ def test_what_every_open_leaves_behind_is_named(kind: type[SimulatedRobot], mess
 def test_an_adapter_that_gives_all_back_passes_though_it_fills_a_pool_first(kind: type[SimulatedRobot]) -> None:
     verdict, reason, figures = tried(kind)
     assert verdict is Verdict.PASS, reason
-    assert set(figures) == {f"{each}_per_open" for each in ("threads", "descriptors", "processes", "memory_mib")}
+    assert set(figures) == {
+        f"{each}_per_open" for each in ("threads", "descriptors", "processes", "files", "memory_mib")
+    }
+
+
+class WorksElsewhere(Leaky):
+    """Changes the working directory whenever it is connected."""
+
+    def take(self) -> object:
+        os.chdir(tempfile.gettempdir())
+        return None
+
+
+def test_what_was_set_for_the_process_when_robots_were_opened_before_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tempfile.gettempdir())
+    outcome, _ = try_clause(CLAUSES["host.shared"], SimulatedHarness(WorksElsewhere))
+    assert outcome.verdict is Verdict.FAIL
+    assert "os.chdir()" in outcome.reason
+    assert Path.cwd() == Path(tempfile.gettempdir()).resolve(), "the kit gives back what it has set"

@@ -266,21 +266,39 @@ def no_heading(bench: Bench) -> None:
     robot = bench.open_one()
     bench.go(robot, bench.place(robot, 0.0, heading_rad=turn(0.0, bench.home(robot)[2] + _ASKEW_RAD)))
     bench.settle()
-    for course_rad, where in ((-math.pi / 2.0, "south"), (math.pi, "west")):
-        began_s = bench.now_s
-        bench.go(robot, _at(bench.look(robot), 0.25 * bench.harness.room_m, course_rad))
-        bench.settle()
-        driven_rad = [
-            abs(turn(math.atan2(each.state.vy_m_s, each.state.vx_m_s), each.heading_rad))
-            for each in bench.since(robot, began_s)
-            if each.speed_m_s > 0.5 * bench.caps.v_max_m_s
-        ]
-        backwards_rad, off_rad = quantile(driven_rad, 0.5), abs(turn(course_rad, bench.look(robot).heading_rad))
+    for course_rad, where in ((-math.pi / 2.0, "to the south"), (math.pi, "to the west")):
+        target = _at(bench.look(robot), 0.25 * bench.harness.room_m, course_rad)
+        _drives_forwards(bench, robot, target, where)
+        off_rad = abs(turn(course_rad, bench.look(robot).heading_rad))
         bench.require(
-            backwards_rad <= math.pi / 2.0 and off_rad <= _AS_IT_CAME_RAD,
-            f"sent to the {where} without a heading it drives {backwards_rad:.2f} rad off its own heading, and stands "
-            f"{off_rad:.2f} rad off that way: a heading that nobody asked for, such as 0 or a goal's before, is sent",
+            off_rad <= _AS_IT_CAME_RAD,
+            f"sent {where} without a heading it stands {off_rad:.2f} rad off that way: a heading that nobody asked "
+            "for, such as 0 or a goal's before, is sent",
         )
+    if bench.caps.reverses:
+        home_rad = bench.home(robot)[2]
+        bench.go(robot, bench.place(robot, 0.3, heading_rad=home_rad))
+        bench.get_going(robot, bench.place(robot, -0.6, heading_rad=home_rad))
+        where = "farther on the way that it drives backwards for a goal with one, but itself"
+        _drives_forwards(bench, robot, bench.place(robot, -0.9), where)
+
+
+def _drives_forwards(bench: Bench, robot: Robot, target: Waypoint, where: str) -> None:
+    """Send a robot to a target without a heading, and require that it drives forwards."""
+    began_s = bench.now_s
+    bench.go(robot, target)
+    bench.settle()
+    driven_rad = [
+        abs(turn(math.atan2(each.state.vy_m_s, each.state.vx_m_s), each.heading_rad))
+        for each in bench.since(robot, began_s)
+        if each.speed_m_s > 0.5 * bench.caps.v_max_m_s
+    ]
+    backwards_rad = quantile(driven_rad, 0.5)
+    bench.require(
+        backwards_rad <= math.pi / 2.0,
+        f"sent {where} without a heading it drives {backwards_rad:.2f} rad off its own heading: a heading that nobody "
+        "asked for, such as 0 or a goal's before, is sent, or it goes on backwards",
+    )
 
 
 @clause("goto.not_in_charge", truth=True)

@@ -30,6 +30,12 @@ from soter.sdk import Controller, Fleet, GoalStatus, Robot, Waypoint
 # A logger of somebody else's, as far as adapters know.
 _beside: Final = logging.getLogger(f"{__name__}.beside")
 
+_BEGAN_IN: Final = Path.cwd()
+"""The working directory before any adapter was opened."""
+
+_MASK: Final = 0o026
+_INTERVAL_S: Final = 0.004
+
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM)
 _SEEDS: Final = (1, 2)
 
@@ -53,18 +59,14 @@ _WALL_OFF_S: Final = 0.5
 def shared(bench: Bench) -> None:
     """What belongs to the whole process is left alone: its signals, settings and random numbers; and it may end."""
     dice, states = random.getstate(), []
-    patience_s, collects = socket.getdefaulttimeout(), gc.isenabled()
     try:
-        with _stops_noted() as noted:
+        with _stops_noted() as noted, _set_otherwise():
             for seed in _SEEDS:
                 random.seed(seed)
                 _see_it_left_alone(bench, noted)
                 states.append(random.getstate())
     finally:
         random.setstate(dice)
-        socket.setdefaulttimeout(patience_s)
-        if not collects:
-            gc.disable()
     bench.require(
         states[0] != states[1],
         "whatever the random numbers of the process were seeded with, they go on alike once robots were opened: the "
@@ -74,8 +76,6 @@ def shared(bench: Bench) -> None:
 
 
 def _see_it_left_alone(bench: Bench, noted: list[int]) -> None:
-    socket.setdefaulttimeout(None)
-    gc.enable()
     _beside.disabled = False
     before, threads = _settings(), {*threading.enumerate()}
     robot = bench.open_one()
@@ -106,6 +106,35 @@ def _see_it_left_alone(bench: Bench, noted: list[int]) -> None:
     bench.close()
     del bench.fleets[:-1]
     _require_same(before, "after robots were closed")
+
+
+@contextmanager
+def _set_otherwise() -> Iterator[None]:
+    """Set for a while what an adapter may have set for itself when it was opened before."""
+    root = logging.root
+    folder, mask, patience_s = Path.cwd(), os.umask(_MASK), socket.getdefaulttimeout()
+    collects, interval_s, off, level, handlers = (
+        gc.isenabled(), sys.getswitchinterval(), root.manager.disable, root.level, [*root.handlers]
+    )  # fmt: skip
+    try:
+        # Programs that a harness starts may have relative paths, and so this is no folder of its own.
+        os.chdir(_BEGAN_IN)
+        socket.setdefaulttimeout(None)
+        gc.enable()
+        sys.setswitchinterval(_INTERVAL_S)
+        logging.disable(logging.NOTSET)
+        root.handlers.clear()
+        yield
+    finally:
+        os.chdir(folder)
+        os.umask(mask)
+        socket.setdefaulttimeout(patience_s)
+        if not collects:
+            gc.disable()
+        sys.setswitchinterval(interval_s)
+        logging.disable(off)
+        root.setLevel(level)
+        root.handlers[:] = handlers
 
 
 def _settings() -> dict[str, object]:

@@ -16,6 +16,10 @@ _LOOKS_S = 0.7
 _OFF_S = ((1.2, True), (2.4, False), (2.4, True))
 _RETURNS_S = 5.0
 _ACTS_S = 2.0
+_LOST = 3000
+"""Renewals of two and a half minutes."""
+
+_BETWEEN = 100
 
 
 @clause("link.switch_is_not_lost", tier=Tier.WIRE, hooks=("loss",))
@@ -77,6 +81,27 @@ def outage(bench: Bench) -> None:
         bench.run(_RETURNS_S, lambda: robot.read_state().link is Link.UP)
         what = f"{'cancelled' if stops else 'replaced'} in an outage of {off_s:g} s"
         _heeds(bench, robot, old, new, what)
+
+
+@clause("link.many_lost", tier=Tier.WIRE, hooks=("cut",))
+def many_lost(bench: Bench) -> None:
+    """A robot obeys again after an outage in which more was lost than in any that is tried in full."""
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, 0.3))
+    bench.faulty = True
+    bench.harness.cut(robot.id)
+    for number in range(_LOST):
+        robot.renew_lease()
+        if number % _BETWEEN == 0:
+            bench.run(TICK_S)
+    bench.harness.restore(robot.id)
+    bench.run(_RETURNS_S, lambda: robot.read_state().link is Link.UP)
+    robot.switch_ac_sc(Controller.AC, "conformance")
+    bench.go(
+        robot, bench.place(robot, -0.3),
+        cause=f"{_LOST} renewals were lost in an outage, and once the link is back, and it is heard, it does not obey: "
+        "its program takes what is numbered far beyond the last for old or wrong, for good",
+    )  # fmt: skip
 
 
 def _heeds(bench: Bench, robot: Robot, old: Goal, new: Goal | None, what: str) -> None:

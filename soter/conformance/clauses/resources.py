@@ -14,7 +14,7 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
-from soter.conformance.usage import Usage, usage
+from soter.conformance.usage import Usage, temporary_files, usage
 from soter.errors import SoterError
 from soter.sdk import Controller, Link
 
@@ -40,14 +40,15 @@ _CLOSING: Final = (
 )
 
 _NAMES: Final = {
-    "threads": "threads", "descriptors": "file descriptors", "processes": "processes", "memory_mib": "MiB of memory",
+    "threads": "threads", "descriptors": "file descriptors", "processes": "processes", "files": "temporary files",
+    "memory_mib": "MiB of memory",
 }  # fmt: skip
-_COUNTED: Final = ("threads", "descriptors", "processes")
+_COUNTED: Final = ("threads", "descriptors", "processes", "files")
 
 
 @clause("resources.given_back")
 def given_back(bench: Bench) -> None:
-    """However often robots are opened, closing gives back all threads, file descriptors, processes and memory."""
+    """However often robots are opened, closing gives back threads, descriptors, processes, files and memory."""
     _see_it_given_back(bench, _open_and_close, "open")
 
 
@@ -82,6 +83,11 @@ def outages(bench: Bench) -> None:
 
 
 def _see_it_given_back(bench: Bench, do: Callable[[Bench], None], what: str, cause: str = _CLOSING) -> None:
+    with temporary_files():
+        _require_no_growth(bench, do, what, cause)
+
+
+def _require_no_growth(bench: Bench, do: Callable[[Bench], None], what: str, cause: str) -> None:
     for _ in range(_WARM_UPS):
         do(bench)
     before, opens = _settled(None), 0
