@@ -31,19 +31,22 @@ class OfAWatchdog(KeyboardInterrupt):
 
 
 @pytest.fixture
-def ctrl_c_ignored() -> Iterator[None]:
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def ctrl_c(request: pytest.FixtureRequest) -> Iterator[None]:
+    before = signal.signal(signal.SIGINT, request.param)
     yield
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.parametrize("ctrl_c", [signal.default_int_handler], indirect=True)
 def test_ctrl_c_and_a_watchdog_interrupt_and_no_failure_does() -> None:
     assert is_interruption(KeyboardInterrupt())
     assert is_interruption(OfAWatchdog())
     assert not is_interruption(SystemExit())
 
 
-@pytest.mark.usefixtures("ctrl_c_ignored")
+@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.parametrize("ctrl_c", [signal.SIG_IGN], indirect=True)
 def test_where_ctrl_c_is_ignored_code_has_raised_it_itself() -> None:
     assert not is_interruption(KeyboardInterrupt())
     assert is_interruption(OfAWatchdog())
