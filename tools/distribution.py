@@ -37,6 +37,7 @@ CUT: Final = "alpha"
 
 RESTS_M_S: Final = 1e-3
 START_LIMIT_S: Final = 60.0
+_LATELY_S: Final = 0.3
 END_LIMIT_S: Final = 30.0
 
 HOLDS_WITHIN_S: Final = 1.5
@@ -253,13 +254,10 @@ def play(hosts: Hosts, folder: Path, given: argparse.Namespace) -> Found:
     with Stage(hosts, folder, duration_s, given.targets, given.seed) as stage:
         for name in (*ROBOTS, PLANNER):
             stage.run(name)
-        end_s = time.perf_counter() + START_LIMIT_S
-        while not all(stage.truth.moved(robot_id, 0.0, math.inf) for robot_id in ROBOTS.values()):
-            for name, process in stage.processes.items():
-                if process.poll() is not None or time.perf_counter() > end_s:
-                    raise RuntimeError(f"'{name}' does not begin:\n{stage.printed(name)}")
-            time.sleep(0.05)
+        _wait_until_all_move(stage, 0.0)
         time.sleep(given.before_s)
+        # A cut that robots at rest were to hold in would show nothing.
+        _wait_until_all_move(stage, _LATELY_S)
         cut_s = time.time()
         hosts.cut(CUT)
         time.sleep(given.cut_s)
@@ -288,6 +286,20 @@ def play(hosts: Hosts, folder: Path, given: argparse.Namespace) -> Found:
         {name: result["tick_late_ms"] for name, result in results.items()},
         {name: result["status"] for name, result in results.items()},
     )
+
+
+def _wait_until_all_move(stage: Stage, lately_s: float) -> None:
+    """Wait until all robots have moved, within the last so many seconds, or ever with 0."""
+    end_s = time.perf_counter() + START_LIMIT_S
+    while True:
+        since_s = time.time() - lately_s if lately_s else 0.0
+        if all(stage.truth.moved(robot_id, since_s, math.inf) for robot_id in ROBOTS.values()):
+            return
+        for name, process in stage.processes.items():
+            if process.poll() is not None or time.perf_counter() > end_s:
+                printed = "\n".join(f"{each}:\n{stage.printed(each)}" for each in stage.processes)
+                raise RuntimeError(f"not all robots move, and '{name}' was to see to that; {printed}")
+        time.sleep(0.05)
 
 
 def _since(time_s: float | None, since_s: float) -> float | None:
