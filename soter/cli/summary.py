@@ -87,7 +87,7 @@ def _violations(result: RunResult) -> Iterator[Row]:
     yield Row("violations", known, "0", "bold red" if total else "bold green" if ended_s is None else "bold yellow")
     for rule, count in result.violations.items():
         margin = (result.min_margin or {}).get(rule)
-        seen = "" if margin is None or margin == math.inf else f", least margin {_precise(rule, margin)}"
+        seen = "" if margin is None or margin == math.inf else f", least margin {_precise(rule, margin, count > 0)}"
         yield Row(f"  {rule}", f"{count}{seen}", style="red" if count else "")
     if result.contacts:
         yield Row("contacts", str(result.contacts), style="red")
@@ -276,7 +276,7 @@ def _rules(result: RunResult) -> Iterator[Rule]:
     for rule, count in (result.violations or {}).items():
         margin = (result.min_margin or {}).get(rule, math.inf)
         # A column of a picture has no room for "not a number".
-        least = "NaN" if math.isnan(margin) else "-" if margin == math.inf else _precise(rule, margin)
+        least = "NaN" if math.isnan(margin) else "-" if margin == math.inf else _precise(rule, margin, count > 0)
         yield Rule(rule, f"{count} ×", least, broken=count > 0)
 
 
@@ -306,9 +306,11 @@ def _percent(part: float) -> str:
     return f"{100.0 * part:.1f} %"
 
 
-def _precise(rule: str, margin: float) -> str:
+def _precise(rule: str, margin: float, broken: bool) -> str:
     if math.isnan(margin):
         return "not a number"
     if rule == "battery":
         return _percent(margin)
-    return "< 0 m" if -0.0005 <= margin < 0.0 else f"{margin:.3f} m"
+    # Adding 0.0 turns -0.0 into 0.0.
+    rounded = round(margin, 3) + 0.0
+    return "< 0 m" if broken and rounded == 0.0 else f"{rounded:.3f} m"

@@ -76,7 +76,9 @@ def test_violations_are_listed_by_rule_with_their_margins(result: RunResult) -> 
     assert block["collision"] == "0, least margin -0.090 m"
     assert block["battery"] == "0, least margin 17.1 %"
     assert block["geofence"] == "0"
-    assert block["obstacle"] == "0, least margin < 0 m"
+    assert block["obstacle"] == "0, least margin 0.000 m"
+    hardly = made(result, violations={"obstacle": 1}, min_margin={"obstacle": -0.0})
+    assert "1, least margin < 0 m" in [row.value for row in rows(hardly)[0]]
 
 
 def test_without_truth_violations_are_unknown(result: RunResult) -> None:
