@@ -46,6 +46,10 @@ class Problem:
         return ConfigError(self.message, source=self.source or source, line=self.line, key=self.key or None)
 
 
+UNKNOWN_KEY: Final = "unknown key"
+"""How messages about keys that nothing has begin."""
+
+
 def config_error(problems: Sequence[Problem], source: str | None) -> ConfigError:
     """Return one error for all problems, in the order of their lines; `source` is the file.
 
@@ -300,7 +304,7 @@ def _message(error: ErrorDetails, model: type[BaseModel], where: tuple[str, ...]
     kind, context, value = error["type"], error.get("ctx", {}), shown_value(error["input"])
     if kind == "extra_forbidden":
         allowed = [name for name in _fields_at(model, where[:-1]) if name not in hidden]
-        return f"unknown key{nearest(where[-1], allowed)}; allowed: {', '.join(allowed) or 'none'}"
+        return f"{UNKNOWN_KEY}{nearest(where[-1], allowed)}; allowed: {', '.join(allowed) or 'none'}"
     if kind == "missing":
         return "it is missing, and has no default"
     if kind in ("literal_error", "enum"):

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from soter.config import MissionFile, validate_options
-from soter.errors import BackendError, SoterError, account_of, floor_m, nearest
+from soter.errors import BackendError, ConfigError, SoterError, account_of, floor_m, nearest
 from soter.faults import FaultTable, read_faults, under_faults
 from soter.faults.telemetry import BatteryOptions
 from soter.geometry.workspace import Workspace
-from soter.problems import dotted
+from soter.problems import UNKNOWN_KEY, dotted
 from soter.registry import BUILT_IN, backend_names, load_backend
 from soter.sdk import Backend, BackendConfig, Capabilities, RobotSpec, RuleLimits
 from soter.stack.planners.names import check_name
@@ -40,13 +40,19 @@ def read_options(backend: type[Backend], mission: MissionFile, workspace: Worksp
     Ground truth also judges by the tables of modules that are off: runs with and without a module are judged alike.
 
     Raises:
-        ConfigError: an option that the backend, or another built-in one with a table, does not have or allow; the
-            message names its key. Or a table of options for an unknown backend or planner.
+        ConfigError: an option that the backend does not have or allow, or that another built-in one with a table does
+            not have; the message names its key. Or a table of options for an unknown backend or planner.
     """
     _refuse_misspelt_tables(mission)
     for name in mission.backends:
         if name in BUILT_IN and name != mission.backend:
-            _options_of(load_backend(name, to_open=False), name, mission, workspace)
+            try:
+                _options_of(load_backend(name, to_open=False), name, mission, workspace)
+            except ConfigError as failure:
+                # A misspelt key is wrong everywhere; other values may be right where that backend is used, such as
+                # files of that host.
+                if UNKNOWN_KEY in str(failure):
+                    raise
     return _options_of(backend, mission.backend, mission, workspace)
 
 

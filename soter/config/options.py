@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from soter.errors import ConfigError, account_of, nearest
 from soter.problems import (
+    UNKNOWN_KEY,
     Problem,
     config_error,
     dotted,
@@ -54,7 +55,7 @@ def validate_options(
     allowed = [name for name in model.model_fields if name not in filled]
     problems = [
         Problem(
-            f"unknown key{nearest(name, allowed)}; allowed: {', '.join(allowed) or 'none'}",
+            f"{UNKNOWN_KEY}{nearest(name, allowed)}; allowed: {', '.join(allowed) or 'none'}",
             f"{key}.{name}",
             lines.get((*prefix, name)),
         )
@@ -97,7 +98,7 @@ def _unnoticed(value: object, raw: object, at: tuple[str, ...] = ()) -> Iterator
         if "extra" not in config:
             unknown = [key for key in raw if key not in known]
             yield from (
-                ((*at, key), f"unknown key{nearest(key, [*known])}; allowed: {', '.join(known)}") for key in unknown
+                ((*at, key), f"{UNKNOWN_KEY}{nearest(key, [*known])}; allowed: {', '.join(known)}") for key in unknown
             )
         for key in known.keys() & raw.keys():
             yield from _unnoticed(getattr(value, known[key]), raw[key], (*at, key))

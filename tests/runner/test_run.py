@@ -179,6 +179,12 @@ def test_options_of_what_there_is_not_are_refused(key: str, hint: str) -> None:
         run_mission(load_mission(SURVEILLANCE, {**QUICK, f"{key}.speed": 3}))
 
 
+def test_what_only_the_host_of_another_backend_has_is_not_asked_for() -> None:
+    options = {"mode": "client", "connect": ["tls/robot.example:7447"], "tls": {"root_ca": "/nowhere/ca.pem"}}
+    run = run_mission(mission(duration_s=0.1, backends__zenoh__session=options))
+    assert run.result.status == "completed"
+
+
 def test_options_of_a_backend_that_is_not_installed_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
     run = run_mission(mission(duration_s=0.1, backends__unitree__speed=3))
     assert run.result.status == "completed"
