@@ -30,6 +30,7 @@ _HARDER, _GOT_ON = 3.0, 0.75
 
 _BAD_LINK: Final = "while the link is bad"
 _SEAM: Final = "next to pi, where headings begin anew"
+_ZEROS: Final = "in samples at (0, 0)"
 _TOO_FAST: Final = {
     _BAD_LINK: "speeds are made of two places and the time that should lie between them, whatever was lost or late",
     "": "it keeps what it promises in most that it does, and not in what it was driven for here: a limit that does not "
@@ -45,6 +46,7 @@ _CAUSES: Final[dict[str, dict[str, str]]] = {
     | _TOO_FAST,
     "speed_noise_m_s": {"": _LONE},
     "position_noise_m": {
+        _ZEROS: "a place that is not known, or not yet since it was switched on, is handed out as zeros: drop that",
         "while it moves": "samples are of an older place than their stamp says, or of a smoothed or foreseen one",
         "": "places are off at rest, too: another frame, unit or origin, another robot's place, or a count that drifts",
     },
@@ -99,6 +101,8 @@ class Always:
         when = set() if caps.rests(state) else {"while it moves"}
         if math.pi - abs(heading_rad) < _SEAM_RAD:
             when.add(_SEAM)
+        if not any(state[3:5]):
+            when.add(_ZEROS)
         self._keep("position_noise_m", off_m, may_be_m + caps.v_max_m_s * age_s, robot, when)
         self._keep("heading_noise_rad", off_rad, may_be_rad + rate_rad_s * age_s, robot, when)
 

@@ -26,7 +26,6 @@ _BACK: Final = 0.05
 _MISREAD: Final = 2.0
 _MISREAD_M_S: Final = 0.1
 _MISREAD_M: Final = 0.1
-
 _TOWARDS_S: Final = 2.0 * TICK_S
 
 _TIMEOUT_S: Final = Waypoint(0.0, 0.0).timeout_s
@@ -272,6 +271,8 @@ class Bench(Judging):
         last = self.tracks[robot.id][-1]
         if last.state.goal_id != goal.id:
             return ""
+        if abs(last.state.yaw_rate_rad_s) > TURNING_RAD_S:
+            return "it turns on its place, and on: differences of headings are to be brought to -pi to pi"
         at_charger = self.harness.charges_at_start and last.distance_m(robot.spec.x_m, robot.spec.y_m) <= self.near_m
         why = "it is on its charger, and does not drive while it is being charged; or " * at_charger
         return (

@@ -156,7 +156,9 @@ HABITS: Final = (
     targeted("NearIsThere", "Takes a goal near the robot for reached, whatever its heading.", "goto.heading",
              "taken for reached", _near_is_there),
     edited("OpensItsTable", "Opens all robots whose addresses it knows.", "several.chosen", "whose addresses",
-           opens_all=True),
+           opens=lambda there, chosen: there),
+    edited("SortsItsRobots", "Opens robots in the order of their ids.", "several.chosen", "or sorted",
+           opens=lambda there, chosen: sorted(chosen, key=lambda each: each.id)),
 )  # fmt: skip
 
 HABITS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (

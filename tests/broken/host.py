@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import random
 import signal
 import socket
+import sys
 import threading
 from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
+import numpy as np
+
 from soter.onboard.mux import Mux
-from tests.broken.edits import edited
+from soter.sdk import RobotState
+from tests.broken.edits import edited, wired
 from tests.broken.in_process import Broken
+from tests.broken.on_wire import BrokenWire
+from tests.conformance.wire import WireRobot
+
+_log: Final = logging.getLogger(__name__)
 
 _SEVEN_BITS: Final = 0x7F
+_RECURSIONS: Final = sys.getrecursionlimit()
 
 
 def _opening(take: Callable[[Any], object]) -> Callable[..., None]:
@@ -86,6 +97,40 @@ def _ends(self: Any, timeout_s: float) -> None:
     _Known.open = False
 
 
+def _set_while_open(sets: Callable[[int], object]) -> dict[str, Callable[..., None]]:
+    """Return parts of an adapter that sets something otherwise while its robots are open."""
+
+    def begin(self: Any, *arguments: Any) -> None:
+        Broken.__init__(self, *arguments)
+        sets(1)
+
+    def end(self: Any, timeout_s: float) -> None:
+        Broken._disconnect(self, timeout_s)
+        sets(0)
+
+    return {"__init__": begin, "_disconnect": end}
+
+
+def _limits(on: int) -> None:
+    sys.setrecursionlimit(_RECURSIONS + on)
+
+
+def _environs(on: int) -> None:
+    os.environ.update(SOTER_BROKEN="1") if on else os.environ.pop("SOTER_BROKEN", None)
+
+
+def _says_where_it_is(self: Any) -> RobotState:
+    state: RobotState = self._honest()
+    print(state.x_m, state.y_m)
+    return state
+
+
+def _complains(self: Any) -> RobotState | None:
+    if self.faults.cut:
+        _log.warning("nothing is heard of robot %d", self.id)
+    return WireRobot._sample(self)
+
+
 HOST: Final[tuple[type[Broken], ...]] = (
     edited("SevenBits", "Knows robots by seven bits of their numbers.", "several.goto", "wrong robot",
            __init__=_opening(_on_a_bus)),
@@ -93,6 +138,13 @@ HOST: Final[tuple[type[Broken], ...]] = (
            __init__=_opening(lambda _: signal.signal(signal.SIGINT, lambda *_: None))),
     edited("Seeds", "Seeds the random numbers of the whole process.", "host.shared", "random.seed",
            __init__=_opening(lambda _: random.seed(0))),
+    edited("SeedsNumpy", "Seeds the random numbers that numpy has for the whole process.", "host.shared",
+           "numpy.random.seed", __init__=_opening(lambda _: np.random.seed(0))),
+    edited("OwnLimit", "Sets how deep the whole process may recurse.", "host.shared", "setrecursionlimit",
+           **_set_while_open(_limits)),
+    edited("OwnEnvironment", "Sets a variable in the environment of the process.", "host.shared", "SOTER_BROKEN",
+           **_set_while_open(_environs)),
+    edited("Prints", "Prints where it is.", "host.quiet", "standard output", _sample=_says_where_it_is),
     edited("OwnTimeOut", "Sets a time-out for all sockets of the process.", "host.shared", "setdefaulttimeout",
            __init__=_opening(lambda _: socket.setdefaulttimeout(1.0))),
     edited("NoDaemon", "Hears in a thread that ends when it is closed only, and is waited for.", "host.shared",
@@ -104,4 +156,9 @@ HOST: Final[tuple[type[Broken], ...]] = (
     edited("OneContext", "Ends with a fleet what all fleets in a process share.", "host.beside", "ended with it",
            __init__=_opening(_begins), _disconnect=_ends,
            **{hook: _while_open(hook) for hook in ("_send_goto", "_renew_lease")}),
+)  # fmt: skip
+
+HOST_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    wired("Complains", "Logs at each tick that it hears nothing.", "host.quiet", "its link was cut",
+          _sample=_complains),
 )  # fmt: skip

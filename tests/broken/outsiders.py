@@ -27,6 +27,9 @@ _SELDOM: Final = 20
 _LEAPS_S: Final = 20.0
 _STANDS_M_S: Final = 1e-3
 _WINDOW: Final = 1000
+_LOCATES_S: Final = 0.5
+_NEAR_M: Final = 0.06
+_MINUTE_S: Final = 60.0
 
 
 def _backs_away(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
@@ -160,6 +163,11 @@ def _forgets_how_often(self: Any) -> None:
     self.sample_periods = _SELDOM
 
 
+def _at_the_origin_at_first(self: Any, clock_s: float, x_m: float, y_m: float, *rest: float) -> RobotState:
+    x_m, y_m = (0.0, 0.0) if clock_s < _LOCATES_S else (x_m, y_m)
+    return Vehicle.sample(self, clock_s, x_m, y_m, *rest)
+
+
 def _waits_for_rest(self: Any, timeout_s: float) -> None:
     self._mux.revoke()
     while abs(self._v[self._index]) > _STANDS_M_S:
@@ -170,6 +178,19 @@ def _backs_off(self: Any, timeout_s: float) -> Capabilities:
     self._world.set_control(self.id, lambda *_: (-_BACKS_M_S, 0.0))
     self.clock.sleep_until(self.clock.now() + 0.5 * timeout_s * _BACKS_M_S)
     return Broken._connect(self, timeout_s)
+
+
+def _as_if_there(robot: Any, target: Waypoint) -> Waypoint:
+    at = robot._honest()
+    near = math.dist(at[3:5], target[:2]) < _NEAR_M
+    return target._replace(x_m=at.x_m, y_m=at.y_m) if near else target
+
+
+def _for_a_minute(self: Any, clock_s: float) -> Goal | None:
+    goal, began = Vehicle.passing(self, clock_s), memory(self, "began", lambda: [None, 0.0])
+    if goal is not began[0]:
+        began[:] = goal, clock_s
+    return goal if clock_s - began[1] < _MINUTE_S else None
 
 
 def _keeps_some(self: Any, goal: Goal) -> None:
@@ -227,6 +248,8 @@ OUTSIDERS: Final[tuple[type[Broken], ...]] = (
              "a goal's before", _heads_on),
     targeted("GoesOnBackwards", "Drives backwards to a goal that takes the place of one that it drives backwards to.",
              "goto.no_heading", "goes on backwards", _as_it_drives),
+    targeted("ThereAlready", "Takes targets within 6 cm of where it is for reached.", "goto.accepted_is_not_reached",
+             "a goal so near", _as_if_there),
     edited("KeepsARecord", "Keeps a record among the temporary files, and leaves it there.", "resources.given_back",
            "temporary files", _connect=_keeps_a_record),
 )  # fmt: skip
@@ -249,6 +272,10 @@ OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     driven("SwitchedOnAgain", "Is driven again when its lease is renewed, though a person has switched its motors off.",
            "authority.disabled", "takes it back",
            passing=lambda self, clock_s: None if self.seized else self.mux.passing(clock_s)),
+    driven("AtTheOriginAtFirst", "Says for half a second after a restart that it is at the origin.", "deadman.restart",
+           "handed out as zeros", sample=_at_the_origin_at_first),
+    driven("ActsForAMinute", "Gives a goal up after a minute.", "goto.accepted_is_not_reached",
+           "a time-out of its own", passing=_for_a_minute),
     driven("TakesAWindow", "Takes no command whose number is more than a thousand beyond the last.", "link.many_lost",
            "for old or wrong", follows=_within_a_window),
 )  # fmt: skip

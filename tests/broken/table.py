@@ -17,7 +17,7 @@ from tests.broken.duties import DUTIES
 from tests.broken.field import FIELD, FIELD_ON_WIRE
 from tests.broken.goals import TARGETS
 from tests.broken.habits import HABITS, HABITS_ON_WIRE
-from tests.broken.host import HOST
+from tests.broken.host import HOST, HOST_ON_WIRE
 from tests.broken.meeting import MEETING, MEETING_ON_WIRE
 from tests.broken.outages import OUTAGES, OUTAGES_ON_WIRE
 from tests.broken.outsiders import OUTSIDERS, OUTSIDERS_ON_WIRE
@@ -51,7 +51,7 @@ BROKEN: Final[tuple[Kind, ...]] = (
     *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE, *DRIVERS_ON_WIRE,
     *HABITS_ON_WIRE, *WAYS_ON_WIRE, *CROWD_ON_WIRE, *AFTERWARDS_ON_WIRE, *STRANGERS_ON_WIRE,
     *MEETING_ON_WIRE, *FIELD_ON_WIRE, *UNASKED_ON_WIRE, *OUTAGES_ON_WIRE,
-    *OUTSIDERS_ON_WIRE,
+    *OUTSIDERS_ON_WIRE, *HOST_ON_WIRE,
 )  # fmt: skip
 
 

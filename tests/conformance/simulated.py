@@ -53,9 +53,10 @@ class SimulatedHarness(Harness):
 
     def choosing(self, order: Sequence[int]) -> Fleet:
         there = specs_of(self.robots_most)
-        # What is wrong with some is that they open those whose addresses they know.
-        opened = there if getattr(self.kind, "opens_all", False) else [there[each] for each in order]
-        return SimulatedFleet(self.kind, opened, self.engine)
+        chosen = [there[each] for each in order]
+        # What is wrong with some is which they open.
+        opens = getattr(self.kind, "opens", None)
+        return SimulatedFleet(self.kind, opens(there, chosen) if opens else chosen, self.engine)
 
     def another(self) -> Harness:
         return self

@@ -130,16 +130,22 @@ def accepted_is_not_reached(bench: Bench) -> None:
         "larger acceptance radius, was taken for arrival",
     )
     bench.require_status(goal, GoalStatus.REACHED, "the robot does not get within 0.05 m of a target")
-    if bench.caps.in_process:
-        target = bench.place(robot, -0.8)
-        slow_m_s = bench.look(robot).distance_m(target.x_m, target.y_m) / _LASTS_S
-        goal = robot.goto(target._replace(speed_m_s=slow_m_s), Controller.AC)
-        bench.run(target.timeout_s, lambda: not goal.active)
-        bench.require_status(
-            goal, GoalStatus.REACHED,
-            f"a leg that takes {_LASTS_S:.0f} s is given up before the {target.timeout_s:.0f} s of its timeout_s: the "
-            "vehicle has a time-out of its own",
+    if _ends_tightly(bench):
+        bench.settle()
+        at = bench.look(robot)
+        bench.go(
+            robot, _at(at, 0.8 * bench.near_m, at.heading_rad)._replace(radius_m=_TIGHT * bench.near_m),
+            cause="a goal so near, whatever its radius, is taken for reached by the vehicle, or not sent",
         )  # fmt: skip
+    target = bench.place(robot, -0.8)
+    slow_m_s = bench.look(robot).distance_m(target.x_m, target.y_m) / _LASTS_S
+    goal = robot.goto(target._replace(speed_m_s=slow_m_s), Controller.AC)
+    bench.run(target.timeout_s, lambda: not goal.active)
+    bench.require_status(
+        goal, GoalStatus.REACHED,
+        f"a leg that takes {_LASTS_S:.0f} s is given up before the {target.timeout_s:.0f} s of its timeout_s: the "
+        "vehicle has a time-out of its own",
+    )  # fmt: skip
 
 
 @clause("goto.radius")
@@ -147,9 +153,13 @@ def radius(bench: Bench) -> None:
     """A larger radius ends a goal earlier, a smaller one later: the radius belongs to the goal."""
     wide_m, near_m = (_end_within(bench, times) for times in _RADII)
     bench.require(wide_m > near_m, "both radii ended at the same distance: the radius is not the goal's own")
-    if bench.caps.in_process and _TIGHT * bench.near_m >= 2.0 * bench.caps.position_noise_m:
-        # A vehicle with a fixed radius of its own never ends a goal of a small one.
+    if _ends_tightly(bench):
         _end_within(bench, _TIGHT)
+
+
+def _ends_tightly(bench: Bench) -> bool:
+    """Return whether a robot is to end goals of a small radius, and has no larger one of its own, as vehicles may."""
+    return bench.caps.in_process and _TIGHT * bench.near_m >= 2.0 * bench.caps.position_noise_m
 
 
 def _end_within(bench: Bench, times: float) -> float:

@@ -6,19 +6,24 @@ import gc
 import locale
 import logging
 import math
+import multiprocessing
 import os
 import random
+import resource
 import signal
 import socket
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from concurrent.futures import thread
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, NamedTuple
+
+import numpy as np
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
@@ -33,10 +38,27 @@ _beside: Final = logging.getLogger(f"{__name__}.beside")
 _BEGAN_IN: Final = Path.cwd()
 """The working directory before any adapter was opened."""
 
+
+def _taken_from_host() -> dict[str, object]:
+    """Return what the kernel and Python grant this process, by what sets it."""
+    limits = {name: getattr(resource, name) for name in dir(resource) if name.startswith("RLIMIT_")}
+    return {
+        "os.nice()": os.getpriority(os.PRIO_PROCESS, 0),
+        "os.sched_setaffinity()": os.sched_getaffinity(0),
+        **{f"resource.setrlimit({name})": resource.getrlimit(number) for name, number in limits.items()},
+        "sys.setrecursionlimit()": sys.getrecursionlimit(),
+        "multiprocessing.set_start_method()": multiprocessing.get_start_method(allow_none=True),
+    }
+
+
+_AT_FIRST: Final = _taken_from_host()
+"""Before any adapter was opened: nothing else here changes it."""
+
 _MASK: Final = 0o026
 _INTERVAL_S: Final = 0.004
 
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM)
+_HANDLED: Final = (*_STOPS, signal.SIGALRM, signal.SIGCHLD, signal.SIGHUP, signal.SIGPIPE, signal.SIGQUIT)
 _SEEDS: Final = (1, 2)
 
 _LOOKS_S: Final = 0.2
@@ -58,26 +80,29 @@ _WALL_OFF_S: Final = 0.5
 @clause("host.shared")
 def shared(bench: Bench) -> None:
     """What belongs to the whole process is left alone: its signals, settings and random numbers; and it may end."""
-    dice, states = random.getstate(), []
+    dice, numpy_dice, drawn = random.getstate(), np.random.get_state(), []
     try:
         with _stops_noted() as noted, _set_otherwise():
             for seed in _SEEDS:
                 random.seed(seed)
+                np.random.seed(seed)
                 _see_it_left_alone(bench, noted)
-                states.append(random.getstate())
+                drawn.append({"random.seed()": random.random(), "numpy.random.seed()": np.random.random()})
     finally:
         random.setstate(dice)
-    bench.require(
-        states[0] != states[1],
-        "whatever the random numbers of the process were seeded with, they go on alike once robots were opened: the "
-        "adapter calls random.seed(), and whoever draws at random beside it draws the same each time; use a "
-        "random.Random of its own",
-    )
+        np.random.set_state(numpy_dice)
+    for what, first in drawn[0].items():
+        bench.require(
+            first != drawn[1][what],
+            "whatever the random numbers of the process were seeded with, they go on alike once robots were opened: "
+            f"the adapter calls {what}, and whoever draws at random beside it draws the same each time; use a "
+            "generator of its own",
+        )
 
 
 def _see_it_left_alone(bench: Bench, noted: list[int]) -> None:
     _beside.disabled = False
-    before, threads = _settings(), {*threading.enumerate()}
+    before, threads = _settings() | _AT_FIRST, {*threading.enumerate()}
     robot = bench.open_one()
     robot.goto(bench.place(robot, 0.2), Controller.AC)
     bench.run(4 * TICK_S)
@@ -142,12 +167,19 @@ def _settings() -> dict[str, object]:
     mask = os.umask(0o022)
     os.umask(mask)
     return {
-        **{f"the handler of {each.name}": signal.getsignal(each) for each in (*_STOPS, signal.SIGALRM)},
+        **{f"the handler of {each.name}": signal.getsignal(each) for each in _HANDLED},
         "os.chdir()": os.getcwd(),  # noqa: PTH109 - of the process
         "os.umask()": mask,
         "socket.setdefaulttimeout()": socket.getdefaulttimeout(),
         "sys.setswitchinterval()": sys.getswitchinterval(),
         "gc.disable()": gc.isenabled(),
+        **{f"os.environ['{name}']": said for name, said in os.environ.items() if not name.startswith("PYTEST")},
+        "sys.path": [*sys.path],
+        "sys.excepthook": sys.excepthook,
+        "threading.excepthook": threading.excepthook,
+        "sys.stdout": (sys.stdout, sys.stderr),
+        "warnings.filters": [*warnings.filters],
+        "numpy.seterr()": np.geterr(),
         "locale.setlocale()": locale.setlocale(locale.LC_ALL),
         "logging.disable()": logging.root.manager.disable,
         "logging.basicConfig()": (logging.root.level, [*logging.root.handlers]),
@@ -156,12 +188,19 @@ def _settings() -> dict[str, object]:
 
 
 def _require_same(before: Mapping[str, object], when: str) -> None:
-    for what, found in _settings().items():
-        if found != before[what]:
-            raise Failed(
-                f"{when} {what} is another one, {found!r} for {before[what]!r}: it belongs to the whole process, and "
-                "whatever else runs there relies on it, such as Ctrl-C on a handler; leave it alone"
-            )
+    now = _settings() | _taken_from_host()
+    for what in {**before, **now}:
+        found, was = now.get(what), before.get(what)
+        if found == was:
+            continue
+        if isinstance(found, list) and isinstance(was, list):
+            found, was = [each for each in found if each not in was], [each for each in was if each not in found]
+        # What an environment holds may be a secret.
+        shown = "" if what.startswith("os.environ") else f", {found!r} for {was!r}"
+        raise Failed(
+            f"{when} {what} is another one{shown}: it belongs to the whole process, and whatever else runs there "
+            "relies on it, such as Ctrl-C on a handler; leave it alone"
+        )
 
 
 _NOT_MAIN: Final[list[int]] = []

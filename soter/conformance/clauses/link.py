@@ -388,11 +388,13 @@ def returns(bench: Bench) -> None:
             f"the robot was away for {off_s:.0f} s, and is heard only {bench.now_s - began_s:.0f} s after its program "
             f"has begun anew: {_SELDOM}" if late else
             f"{_RETURNS_S:.0f} s after the robot's program began for the {number + 1}. time nothing is heard of it: "
-            "what hears took an error, such as a refused connection, for the end, or connects or asks where it was",
+            "what hears took an error, such as a refused connection, for the end, or connects, asks or sends to "
+            "where it was",
         )  # fmt: skip
         bench.go(
             robot, bench.place(robot, 0.3 if number % 2 else -0.3),
-            cause="a robot whose program began anew is heard, and not told anything: what was open to it is dead",
+            cause="a robot whose program began anew is heard, and not told anything: what was open to it is dead, or "
+            "what is sent goes to the address that it had",
         )  # fmt: skip
     bench.measure(
         "returns_s", max(returns_s[1:]), min(returns_s) + _LATER_S, 2 * TICK_S, spread=returns_s,

@@ -67,8 +67,9 @@ def chosen(bench: Bench) -> None:
             left_out = [(spec, bench.true_pose(spec.id)) for spec in specs[1:-1]]
     bench.require(
         [robot.id for robot in robots] == [spec.id for spec in wanted],
-        f"the robots {[spec.id for spec in wanted]} were asked for, and {[robot.id for robot in robots]} opened: those "
-        "of a table of addresses, or in its order",
+        f"of the robots {[spec.id for spec in specs]}, as a fleet of all of them has them, the last and the first were "
+        f"asked for, and {[robot.id for robot in robots]} opened: those of a table of addresses, or sorted; they are "
+        "to come in the order asked for",
     )
     for robot, spec in zip(robots, wanted, strict=True):
         off_m = bench.look(robot).distance_m(spec.x_m, spec.y_m)
