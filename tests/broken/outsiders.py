@@ -274,6 +274,8 @@ OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
            passing=lambda self, clock_s: None if self.seized else self.mux.passing(clock_s)),
     driven("AtTheOriginAtFirst", "Says for half a second after a restart that it is at the origin.", "deadman.restart",
            "handed out as zeros", sample=_at_the_origin_at_first),
+    wired("TakesSilenceForTheEnd", "Says that the program which simulates its robot has ended once that is silent.",
+          "link.age", "silence is no end", says_gone=lambda self: self.faults.gone or self.faults.cut),
     driven("ActsForAMinute", "Gives a goal up after a minute.", "goto.accepted_is_not_reached",
            "a time-out of its own", passing=_for_a_minute),
     driven("TakesAWindow", "Takes no command whose number is more than a thousand beyond the last.", "link.many_lost",

@@ -227,6 +227,10 @@ class WireRobot(Robot):
     def _hand_over(self, to: Controller) -> None:
         self.want(in_charge=to, goal=self.wanted.goal if to is self.wanted.in_charge else None)
 
+    def says_gone(self) -> bool:
+        """Whether the fleet says that the program which simulates it has ended."""
+        return self.faults.gone and self.fleet_says_lost
+
     def intruded(self) -> bool:
         """Whether another program is heard to move the robot."""
         return self.clock.now() < self.vehicle.intruded_until_s
@@ -277,7 +281,7 @@ class WireFleet(Fleet):
     """One program's robots; the world is its harness's."""
 
     def lost(self) -> str:
-        gone = any(isinstance(each, WireRobot) and each.faults.gone and each.fleet_says_lost for each in self.robots)
+        gone = any(isinstance(each, WireRobot) and each.says_gone() for each in self.robots)
         return "the robot's program has ended" if gone else ""
 
     def _close(self) -> None:

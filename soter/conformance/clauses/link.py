@@ -79,6 +79,12 @@ def age(bench: Bench) -> None:
         f"the link went {' -> '.join(link.value for link in links)}, expected UP -> STALE -> DOWN: stale_after_s or "
         "down_after_s is overridden, or read_state() is",
     )
+    said = bench.fleet.lost()
+    bench.require(
+        not said,
+        f"the link is cut, and the program that simulates its robot runs; the fleet's lost() says '{said}', which ends "
+        "the run: silence is no end; ask the process itself",
+    )
 
 
 @clause("link.no_success", tier=Tier.WIRE, hooks=("cut",))
