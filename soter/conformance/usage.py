@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import resource
+import socket
+import sys
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -16,6 +18,8 @@ from soter.scratch import Scratch
 _PROC: Final = Path("/proc")
 _MIB: Final = 1 << 20
 _FOLDER: Final = "kit"
+_LISTENS: Final = "0A"
+"""The state of a TCP socket that listens, as the kernel shows it."""
 
 
 class Usage(NamedTuple):
@@ -61,6 +65,36 @@ def temporary_files() -> Iterator[None]:
             os.environ.pop("TMPDIR")
             if before is not None:
                 os.environ["TMPDIR"] = before
+
+
+def listening() -> dict[tuple[str, int], str] | None:
+    """Return which commands, of this process and what it has started, listen for TCP, by address and port.
+
+    None on a system without /proc.
+    """
+    own = _PROC / "self"
+    if not (own / "net" / "tcp").is_file():
+        return None
+    commands = {os.getpid(): sys.argv[0], **_descendants()}
+    holders = {}
+    for process, command in commands.items():
+        with suppress(OSError):
+            holders.update({_target(each): command for each in (_PROC / str(process) / "fd").iterdir()})
+    found = {}
+    for name, family in (("tcp", socket.AF_INET), ("tcp6", socket.AF_INET6)):
+        for line in _text(own / "net" / name).splitlines()[1:]:
+            words = line.split()
+            holder = holders.get(f"socket:[{words[9]}]")
+            if words[3] == _LISTENS and holder is not None:
+                address, _, port = words[1].partition(":")
+                found[_address(family, address), int(port, 16)] = holder
+    return found
+
+
+def _address(family: int, words: str) -> str:
+    """Return an address that the kernel shows as words of this machine's byte order."""
+    packed = b"".join(int(words[each : each + 8], 16).to_bytes(4, sys.byteorder) for each in range(0, len(words), 8))
+    return socket.inet_ntop(family, packed)
 
 
 def _files() -> dict[int, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import random
@@ -15,7 +16,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from soter.onboard.mux import Mux
-from soter.sdk import RobotState
+from soter.sdk import Capabilities, RobotState
 from tests.broken.edits import edited, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
@@ -97,6 +98,21 @@ def _ends(self: Any, timeout_s: float) -> None:
     _Known.open = False
 
 
+def _by_the_loop_of_the_thread(self: Any, timeout_s: float) -> Capabilities:
+    asyncio.get_event_loop()
+    return Broken._connect(self, timeout_s)
+
+
+def _by_a_loop_for_a_moment(self: Any, timeout_s: float) -> Capabilities:
+    loop = asyncio.new_event_loop()
+    try:
+        loop.call_soon(loop.stop)
+        loop.run_forever()
+    finally:
+        loop.close()
+    return Broken._connect(self, timeout_s)
+
+
 def _set_while_open(sets: Callable[[int], object]) -> dict[str, Callable[..., None]]:
     """Return parts of an adapter that sets something otherwise while its robots are open."""
 
@@ -144,6 +160,10 @@ HOST: Final[tuple[type[Broken], ...]] = (
            **_set_while_open(_limits)),
     edited("OwnEnvironment", "Sets a variable in the environment of the process.", "host.shared", "SOTER_BROKEN",
            **_set_while_open(_environs)),
+    edited("LoopOfTheThread", "Takes the event loop of the main thread for granted.", "host.any_thread",
+           "event loops", _connect=_by_the_loop_of_the_thread),
+    edited("LoopForAMoment", "Runs an event loop where it is opened, as if none ran there.", "host.any_thread",
+           "event loops", _connect=_by_a_loop_for_a_moment),
     edited("Prints", "Prints where it is.", "host.quiet", "standard output", _sample=_says_where_it_is),
     edited("OwnTimeOut", "Sets a time-out for all sockets of the process.", "host.shared", "setdefaulttimeout",
            __init__=_opening(lambda _: socket.setdefaulttimeout(1.0))),

@@ -31,3 +31,4 @@ from soter.conformance.clauses import process as process
 from soter.conformance.clauses import resources as resources
 from soter.conformance.clauses import host as host
 from soter.conformance.clauses import quiet as quiet
+from soter.conformance.clauses import surroundings as surroundings

@@ -13,6 +13,9 @@ from soter.sdk import Controller
 
 _STAYS_SLOW_S = 3.0
 _NONSENSE = 0.5
+_GARBLED_S = 3.0
+"""Long enough for some messages of each kind to be cut off, on the way there and on the way back."""
+
 _TWICE = 2
 _DEAF = (
     "after messages that make no sense it does not hear those that do: what receives has ended, or gives up after some "
@@ -79,6 +82,7 @@ def nonsense(bench: Bench) -> None:
     bench.faulty = True
     bench.harness.garble(_NONSENSE)
     bench.get_going(robot, bench.place(robot, 0.8), cause=_DEAF)
+    bench.run(_GARBLED_S)
     bench.harness.garble(0.0)
     bench.settle()
     ages_s = latest_ages_s(bench, robot)

@@ -1,0 +1,76 @@
+"""Surroundings: whatever thread a program drives its robots in, and whoever else is on the network."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from typing import Final
+
+from soter.conformance.bench import Bench
+from soter.conformance.clause import Tier, clause
+from soter.conformance.figure import Failed, NotTested
+from soter.conformance.usage import listening
+from soter.errors import account_of, raised_at
+
+_LOOPBACK: Final = ("127.", "::1", "::ffff:127.")
+
+
+@clause("host.any_thread")
+def any_thread(bench: Bench) -> None:
+    """Robots are opened, driven and closed in any one thread of a program, and beside an event loop that runs in it."""
+    for where, run in (("in a thread that is not the main one", _plainly), ("beside a running event loop", _in_a_loop)):
+        _drive_elsewhere(bench, where, run)
+
+
+def _plainly(drive: Callable[[], None]) -> None:
+    drive()
+
+
+def _in_a_loop(drive: Callable[[], None]) -> None:
+    async def driven() -> None:
+        drive()
+
+    asyncio.run(driven())
+
+
+def _drive_elsewhere(bench: Bench, where: str, run: Callable[[Callable[[], None]], None]) -> None:
+    def drive() -> None:
+        robot = bench.open_one()
+        bench.go(robot, bench.place(robot, 0.2), cause=f"{where} it is opened, and does not obey")
+        bench.close()
+
+    raised: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            run(drive)
+        except BaseException as failure:  # noqa: BLE001 - it is judged in the thread of the clause
+            raised.append(failure)
+
+    thread = threading.Thread(target=work, name="not the main one", daemon=True)
+    thread.start()
+    thread.join()
+    for failure in raised:
+        if isinstance(failure, Failed | NotTested):
+            raise failure
+        raise Failed(
+            f"{where} it raised {account_of(failure)}{raised_at(failure)}: event loops and signals belong to the "
+            "program that uses its robots; run a loop in a thread of the adapter's own"
+        ) from failure
+
+
+@clause("host.alone", tier=Tier.WIRE)
+def alone(bench: Bench) -> None:
+    """What is started for robots of this host listens for this host only."""
+    bench.open_one()
+    found = listening()
+    if found is None:
+        raise NotTested("this system has no /proc, which says who listens")
+    beyond = {port: who for (address, port), who in found.items() if not address.startswith(_LOOPBACK)}
+    bench.require(
+        not beyond,
+        "it can be reached from beyond this host, at "
+        f"{', '.join(f'port {port} of {who!r}' for port, who in sorted(beyond.items()))}: whoever is on the network "
+        "may command its robots, or hear them; bind to 127.0.0.1 unless told otherwise",
+    )
