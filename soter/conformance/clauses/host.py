@@ -47,7 +47,6 @@ def _taken_from_host() -> dict[str, object]:
         "os.sched_setaffinity()": os.sched_getaffinity(0),
         **{f"resource.setrlimit({name})": resource.getrlimit(number) for name, number in limits.items()},
         "sys.setrecursionlimit()": sys.getrecursionlimit(),
-        "multiprocessing.set_start_method()": multiprocessing.get_start_method(allow_none=True),
     }
 
 
@@ -180,6 +179,9 @@ def _settings() -> dict[str, object]:
         "sys.stdout": (sys.stdout, sys.stderr),
         "warnings.filters": [*warnings.filters],
         "numpy.seterr()": np.geterr(),
+        # Python itself sets it, to the first that it has, once it is used.
+        "multiprocessing.set_start_method()": multiprocessing.get_start_method(allow_none=True)
+        or multiprocessing.get_all_start_methods()[0],
         "locale.setlocale()": locale.setlocale(locale.LC_ALL),
         "logging.disable()": logging.root.manager.disable,
         "logging.basicConfig()": (logging.root.level, [*logging.root.handlers]),
