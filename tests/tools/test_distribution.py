@@ -28,7 +28,10 @@ def test_a_robot_that_is_cut_off_and_its_peer_hold_and_go_on(tmp_path: Path) -> 
     assert set(found.statuses.values()) == {"completed"}, found
     assert all(after_s < HOLDS_WITHIN_S for after_s in found.rest_after_s.values()), found
     printed = [each.read_text(errors="replace")[-2000:] for each in sorted(tmp_path.glob("*.out"))]
-    assert all(after_s is not None for after_s in found.moves_after_s.values()), "\n".join([str(found), *printed])
+    said = "\n".join([str(found), *printed])
+    assert all(after_s is not None for after_s in found.ac_after_s.values()), said
+    # Where both ways cross one waits for the other, as ever.
+    assert any(after_s is not None for after_s in found.moves_after_s.values()), said
     assert all(age["p50"] < 150.0 for age in found.peer_age_ms.values()), found
 
 
