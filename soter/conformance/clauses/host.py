@@ -44,7 +44,8 @@ def _taken_from_host() -> dict[str, object]:
     limits = {name: getattr(resource, name) for name in dir(resource) if name.startswith("RLIMIT_")}
     return {
         "os.nice()": os.getpriority(os.PRIO_PROCESS, 0),
-        "os.sched_setaffinity()": os.sched_getaffinity(0),
+        # Not every system has it.
+        "os.sched_setaffinity()": os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None,
         **{f"resource.setrlimit({name})": resource.getrlimit(number) for name, number in limits.items()},
         "sys.setrecursionlimit()": sys.getrecursionlimit(),
     }
@@ -195,7 +196,7 @@ def _require_same(before: Mapping[str, object], when: str) -> None:
         found, was = now.get(what), before.get(what)
         if found == was:
             continue
-        if isinstance(found, list) and isinstance(was, list):
+        if isinstance(found, list) and isinstance(was, list) and {*map(repr, found)} != {*map(repr, was)}:
             found, was = [each for each in found if each not in was], [each for each in was if each not in found]
         # What an environment holds may be a secret.
         shown = "" if what.startswith("os.environ") else f", {found!r} for {was!r}"

@@ -62,7 +62,9 @@ def _drive_elsewhere(bench: Bench, where: str, run: Callable[[Callable[[], None]
 
 @clause("host.alone", tier=Tier.WIRE)
 def alone(bench: Bench) -> None:
-    """What is started for robots of this host listens for this host only."""
+    """What is started for simulated robots listens for TCP on this host only."""
+    if not bench.harness.starts_robots:
+        raise NotTested("the robots were there already, and whoever is to reach them was told")
     bench.open_one()
     found = listening()
     if found is None:
