@@ -16,7 +16,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
-    "stop_clock", "garble", "seize", "disable", "intrude", "another",
+    "stop_clock", "garble", "seize", "by_hand", "disable", "intrude", "another", "faster",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -270,8 +270,24 @@ class Harness(ABC):
         """
         raise NotImplementedError
 
+    def faster(self, speedup: float) -> Fleet:
+        """Return a fleet of one simulated robot that the backend starts itself, and for which time passes faster.
+
+        It is what missions get that ask for it: for the robot, and on the fleet's clock, so many seconds pass in each
+        second of the host.
+        """
+        raise NotImplementedError
+
     def seize(self, robot_id: int) -> None:
         """Let a person take the robot from SOTER and stop it, as by a switch on it or at another ground station."""
+        raise NotImplementedError
+
+    def by_hand(self, robot_id: int) -> Callable[[], str]:
+        """Let a person take the robot from SOTER to drive it by hand, for now with the sticks at rest.
+
+        Return what reads, not through the adapter, how the robot shows itself to that person: its mode, say, and
+        whether it is armed.
+        """
         raise NotImplementedError
 
     def disable(self, robot_id: int) -> None:

@@ -48,6 +48,16 @@ def _backs_away(robot: Any, state: tuple[float, ...], speed: float, rate: float)
     return speed, rate
 
 
+def _sets_its_mode(robot: Any, timeout_s: float) -> None:
+    WireRobot._disconnect(robot, timeout_s)
+    robot.vehicle.mode = "hold"
+
+
+def _by_host_time(vehicle: Any, clock_s: float) -> Goal | None:
+    vehicle.mux.lease_s = vehicle.speedup * vehicle.lease_s
+    return Vehicle.passing(vehicle, clock_s)
+
+
 def _heard(robot: Any) -> list[float]:
     return memory(robot, "heard_s", lambda: [0.0])  # type: ignore[no-any-return]
 
@@ -255,6 +265,10 @@ OUTSIDERS: Final[tuple[type[Broken], ...]] = (
 )  # fmt: skip
 
 OUTSIDERS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    wired("TakesItFromThePilot", "Sets the mode in which it stands as it is closed, whoever drives it.",
+          "authority.left", "drives it by hand", _disconnect=_sets_its_mode),
+    driven("LeasedByHostTime", "Counts the lease by the host's time where that passes slower than the robot's.",
+           "deadman.faster", "counts the host's time", passing=_by_host_time),
     wired("StampedByTheWallClock", "Stamps samples by the host's wall clock.", "host.wall_clock", "people and NTP set",
           _sample=_stamped_by_the_wall_clock),
     driven("TakesATurnForRest", "Takes the turn rate at which it is switched on again for its gyro's bias.",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -80,6 +80,8 @@ class Vehicle:
         self.drive = Drive(built(spec, self.limits), world.period_s)
         self.periods, self.stalls_until_s = 0, 0.0
         self.seized = self.disabled = False
+        self.mode = "auto"
+        self.speedup = 1.0
         self.intruded_until_s, self.intruder_turns = 0.0, False
         self.begin()
         world.set_control(spec.id, self.control)
@@ -150,10 +152,12 @@ class Vehicle:
 
 
 class WireClock(VirtualClock):
-    """Virtual time that takes itself for the host's."""
+    """Virtual time that takes itself for the host's, or for that of a host whose time passes slower."""
+
+    speedup = 1.0
 
     def steady_s(self) -> float:
-        return self.now()
+        return self.now() / self.speedup
 
 
 class WireRobot(Robot):
@@ -345,6 +349,11 @@ class WireHarness(Harness):
 
         return Killable(fleet, kill)
 
+    def faster(self, speedup: float) -> Fleet:
+        fleet, (vehicle,) = self.open(1), self.vehicles.values()
+        self.clock.speedup = vehicle.speedup = speedup
+        return fleet
+
     def _opened(self, specs: list[RobotSpec]) -> Fleet:
         engine = partial(KinematicEngine, step_s=PERIOD_S)
         self.specs = specs
@@ -400,6 +409,11 @@ class WireHarness(Harness):
 
     def seize(self, robot_id: int) -> None:
         self.vehicles[robot_id].seized = True
+
+    def by_hand(self, robot_id: int) -> Callable[[], str]:
+        vehicle = self.vehicles[robot_id]
+        vehicle.seized, vehicle.mode = True, "manual"
+        return lambda: vehicle.mode
 
     def disable(self, robot_id: int) -> None:
         self.vehicles[robot_id].disabled = True

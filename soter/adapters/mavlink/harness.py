@@ -11,7 +11,7 @@ import select
 import socket
 import subprocess
 import threading
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from typing import Any, ClassVar, Final
 
@@ -34,6 +34,9 @@ _HOST: Final = "127.0.0.1"
 _LOOK_S: Final = 0.02
 _LARGEST: Final = 65536
 _SYSTEM_AT: Final = 5
+_MESSAGE_AT: Final = slice(7, 10)
+_HEARTBEAT: Final = bytes(3)
+_MANUAL: Final = 0.0
 _STATION: Final = 250
 _FORCED: Final = 20190226.0
 _BOOT_S: Final = "0.5"
@@ -55,6 +58,7 @@ class MavlinkRelay(ImpairedRelay):
         self._parser: Final = mav.MAVLink(None)
         self._parser.robust_parsing = True
         self._peers: dict[tuple[str, int], set[int]] = {}
+        self._heartbeats: Final[dict[int, bytes]] = {}
         # Vehicles share a link, and so its order. The vehicle of each datagram is looked up, to cut off only some.
         self._up: Final = Line(EVERYBODY, lambda datagram: _send(self._adapter, datagram, (_HOST, adapter_port)))
         self._down: Final = Line(EVERYBODY, self._tell)
@@ -74,6 +78,12 @@ class MavlinkRelay(ImpairedRelay):
     def tell(self, message: mav.MAVLink_message, system: int) -> None:
         """Send the vehicles a message as if it came from the keeper of a ground station."""
         self._tell(message.pack(mav.MAVLink(None, system, KEEPER)))
+
+    def shown(self, system: int) -> str:
+        """Return the mode of a vehicle, and whether it is armed, as its latest heartbeat says."""
+        beat = mav.MAVLink(None).parse_char(self._heartbeats[system])
+        armed = beat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED
+        return f"mode {ARDUROVER.names.get(beat.custom_mode, beat.custom_mode)}, {'armed' if armed else 'disarmed'}"
 
     def _tell(self, datagram: bytes, but: Collection[int] = ()) -> None:
         # Simulated vehicles share a socket, others have one each, and know by the ids what is for them.
@@ -99,6 +109,8 @@ class MavlinkRelay(ImpairedRelay):
             if upwards:
                 system, line = self._sender(datagram), self._up
                 self._peers.setdefault(peer, set()).add(system)
+                if datagram[_MESSAGE_AT] == _HEARTBEAT:
+                    self._heartbeats[system] = datagram
             else:
                 system = self._addressee(datagram)
                 line = self._broadcast if system == EVERYBODY else self._down
@@ -171,10 +183,14 @@ class MavlinkHarness(RelayedHarness):
 
     def killable(self) -> Killable:
         """Return a fleet of one vehicle that the backend simulates itself, and the call that kills its program."""
-        config = MavlinkConfig.model_validate({"workspace": WIDE_ROOMS, "limits": LIMITS, **self.options})
-        self.fleet = fleet = self.backend().open(config, self.specs(1))
+        fleet = self.faster(1.0)
         assert isinstance(fleet.simulator, MavlinkSimulator)
         return Killable(fleet, fleet.simulator.process.kill)
+
+    def faster(self, speedup: float) -> MavlinkFleet:
+        given = {"workspace": WIDE_ROOMS, "limits": LIMITS, "speedup": speedup, **self.options}
+        self.fleet = fleet = self.backend().open(MavlinkConfig.model_validate(given), self.specs(1))
+        return fleet
 
     def stall(self, robot_id: int, seconds: float) -> None:
         """Suspend the vehicles' program for a time; afterwards the simulation catches up."""
@@ -183,17 +199,30 @@ class MavlinkHarness(RelayedHarness):
 
     def restart(self, robot_id: int) -> None:
         """Reboot a vehicle, armed as it is, in the adapter's name: it obeys nobody else while the lease lives."""
-        own = self.options.get("system_id", MavlinkConfig.model_fields["system_id"].default)
-        self._command(own, robot_id, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0, 0.0, 0.0, 0.0, 0.0, _FORCED)
+        self._command(self._own(), robot_id, mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0, 0.0, 0.0, 0.0, 0.0, _FORCED)
 
     def seize(self, robot_id: int) -> None:
         """Have another ground station set the mode in which the vehicle stands."""
         custom = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         self._command(_STATION, robot_id, mav.MAV_CMD_DO_SET_MODE, custom, ARDUROVER.stop)
 
+    def by_hand(self, robot_id: int) -> Callable[[], str]:
+        """Set the mode MANUAL, as a remote control's switch does; return what reads the vehicle's latest heartbeat.
+
+        The vehicle is told in the adapter's name, since a program may only stop it while the lease lives.
+        """
+        custom, relay = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, self.relay
+        assert isinstance(relay, MavlinkRelay)
+        self._command(self._own(), robot_id, mav.MAV_CMD_DO_SET_MODE, custom, _MANUAL)
+        return lambda: relay.shown(robot_id)
+
     def disable(self, robot_id: int) -> None:
         """Have another ground station disarm the vehicle."""
         self._command(_STATION, robot_id, mav.MAV_CMD_COMPONENT_ARM_DISARM)
+
+    def _own(self) -> int:
+        """Return the adapter's system id."""
+        return int(self.options.get("system_id", MavlinkConfig.model_fields["system_id"].default))
 
     def _command(self, source: int, robot_id: int, command: int, *numbers: float) -> None:
         """Command a vehicle in the name of a system; numbers that are not given are 0."""
@@ -234,11 +263,14 @@ class CopterHarness(MavlinkHarness):
 
     name = "mavlink (copter)"
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
+    # A copter is charged on the ground only, and the kit's fly.
+    charges_at_start = False
     # After a reboot a copter has to get ready, arm and take off again, which takes longer than the kit waits.
     switchable = Harness.switchable
     restart = Harness.restart
     # The mode in which it stands has another number than a rover's; without its motors it would fall.
     seize = Harness.seize
+    by_hand = Harness.by_hand
     disable = Harness.disable
 
 
@@ -264,10 +296,13 @@ class MavsdkCopterHarness(MavsdkHarness):
 
     name = "mavsdk (copter)"
     options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
+    # A copter is charged on the ground only, and the kit's fly.
+    charges_at_start = False
     switchable = Harness.switchable
     restart = Harness.restart
     # The mode in which it stands has another number than a rover's; without its motors it would fall.
     seize = Harness.seize
+    by_hand = Harness.by_hand
     disable = Harness.disable
 
 

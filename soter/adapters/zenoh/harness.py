@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 
@@ -25,6 +25,7 @@ from soter.conformance import WIDE_ROOMS, in_wide_rooms
 from soter.conformance.harness import LIMITS, Killable, Switchable
 from soter.conformance.impaired import Line
 from soter.sdk import Fleet, Waypoint, program
+from soter.sdk.wire import WireFleet
 
 _TO_ROBOT: Final = ("order", "cmd_vel_ac", "cmd_vel_sc")
 _TO_SOTER: Final = ("odom", "battery", "gate")
@@ -116,9 +117,14 @@ class ZenohHarness(VelocityControlledHarness):
 
     def killable(self) -> Killable:
         """Return a fleet of one robot that the backend simulates itself, and the call that kills its base."""
-        self.fleet = fleet = ZenohBackend().open(ZenohConfig(workspace=WIDE_ROOMS, limits=LIMITS), self.specs(1))
+        fleet = self.faster(1.0)
         assert isinstance(fleet.simulator, ZenohSimulator)
         return Killable(fleet, fleet.simulator.world.kill)
+
+    def faster(self, speedup: float) -> WireFleet[Any]:
+        config = ZenohConfig(workspace=WIDE_ROOMS, limits=LIMITS, speedup=speedup)
+        self.fleet = fleet = ZenohBackend().open(config, self.specs(1))
+        return fleet
 
     def of_robots(self) -> SessionOptions:
         """Return the session options of the simulated world."""

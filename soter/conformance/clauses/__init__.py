@@ -13,6 +13,7 @@ from soter.conformance.clauses import goals as goals
 from soter.conformance.clauses import authority as authority
 from soter.conformance.clauses import programs as programs
 from soter.conformance.clauses import deadman as deadman
+from soter.conformance.clauses import faster as faster
 from soter.conformance.clauses import clocks as clocks
 from soter.conformance.clauses import several as several
 from soter.conformance.clauses import crowd as crowd

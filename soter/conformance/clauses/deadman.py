@@ -85,7 +85,23 @@ def _middle(seen: Sequence[float]) -> float:
 @clause("deadman.lease", truth=True)
 def lease(bench: Bench) -> None:
     """From the last renewal to the first deceleration no more passes than lease_s, and what a cancel takes as well."""
-    robot, caps = bench.open_one(), bench.caps
+    judge_lease(
+        bench, bench.open_one(),
+        "the vehicle's lease is longer than lease_s, is counted from something later than the renewal, grows where it "
+        "is renewed twice at once, or ends no motion backwards",
+    )  # fmt: skip
+
+
+def judge_lease(bench: Bench, robot: Robot, cause: str, late_s: float = 0.0) -> None:
+    """Judge how soon a robot at speed begins to stop once its lease is not renewed, and how it brakes.
+
+    Args:
+        bench: the clause's bench.
+        robot: the robot, ready.
+        cause: the likely cause if its lease is longer than it promises.
+        late_s: how much later than usual the moments of its samples may be.
+    """
+    caps = bench.caps
     shuttle, many = Shuttle(bench, robot), _FEW if bench.judged > 1 or bench.opener else bench.trials(_TRIALS)
     told = [trial.end.begins_s for trial in shuttle.trials(many, lambda goal: goal.cancel())]
     stops = [
@@ -95,18 +111,16 @@ def lease(bench: Bench) -> None:
         )
     ]  # fmt: skip
     seen = [trial.end.begins_s for trial in stops]
-    cause = (
-        "the vehicle's lease is longer than lease_s, is counted from something later than the renewal, grows where it "
-        f"is renewed twice at once, or ends no motion backwards{_RENEWED}"
-    )
+    cause = f"{cause}{_RENEWED}"
     # Trials begin at any phase of the vehicle's period, by which two such means may differ.
     phase_s = 0.0 if caps.in_process else caps.setpoint_period_s * 0.9 / math.sqrt(many)
     # Both means contain the time of a message and the vehicle's period.
     bench.measure(
         "lease_s", _middle(seen) - max(_middle(told), 0.0), caps.lease_s,
-        bench.read_s + bench.fit_s + phase_s, cause, spread=seen,
+        bench.read_s + bench.fit_s + phase_s + late_s, cause, spread=seen,
     )  # fmt: skip
-    bench.measure("lease_worst_s", max(seen), caps.lease_s + caps.latency_s + caps.jitter_s, bench.fit_s, cause)
+    most_s = caps.lease_s + caps.latency_s + caps.jitter_s
+    bench.measure("lease_worst_s", max(seen), most_s, bench.fit_s + late_s, cause)
     measure_braking(bench, stops, "when its lease ends")
 
 

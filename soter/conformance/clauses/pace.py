@@ -11,7 +11,7 @@ from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.lateness import Regularity
-from soter.conformance.track import TrackSample
+from soter.conformance.track import TURNING_RAD_S, TrackSample
 from soter.conformance.trials import ToAndFro
 from soter.sdk import Robot
 
@@ -106,6 +106,7 @@ class _Changes:
         self._shuttle.go_on(anew=True, speed_m_s=self._speeds_m_s[self._fast])
         # A robot that brakes for its target, or turns to the next, changes its speed by itself.
         left_m = at.distance_m(end.x_m, end.y_m)
-        free = self._shuttle.end is end and left_m - end.radius_m > self._free_m
+        turns = abs(at.state.yaw_rate_rad_s) > TURNING_RAD_S
+        free = self._shuttle.end is end and left_m - end.radius_m > self._free_m and not turns
         gets_m_s = ((end.x_m - at.x_m) * at.state.vx_m_s + (end.y_m - at.y_m) * at.state.vy_m_s) / max(left_m, 1e-9)
         self._sent_s = now_s if even and free and gets_m_s > _TOWARDS * at.speed_m_s else math.nan

@@ -105,6 +105,29 @@ def disabled(bench: Bench) -> None:
     _see_it_left_alone(bench, bench.harness.disable, "has switched the robot's motors off (disarmed it)")
 
 
+@clause("authority.left", tier=Tier.WIRE)
+def left(bench: Bench) -> None:
+    """close() leaves a robot as it is that a person drives by hand."""
+    bench.require_hook("by_hand")
+    robot = bench.open_one()
+    bench.get_going(robot, bench.place(robot, 0.9))
+    bench.faulty = True
+    shown = bench.harness.by_hand(robot.id)
+    clock = bench.fleet.clock
+    bench.run(bench.orphaned_s() + _SEIZED_S)
+    before = shown()
+    bench.fleet.close()
+    ends_s = clock.now() + _SEIZED_S
+    while clock.now() < ends_s:
+        clock.sleep_until(clock.now() + TICK_S)
+        after = shown()
+        bench.require(
+            after == before,
+            f"a person drives it by hand ({before}), and close() takes it away ({after}): in the air, or on a slope, "
+            "that may be its end; leave it alone whenever it is not in the mode in which SOTER drives it",
+        )
+
+
 def _see_it_left_alone(bench: Bench, take: Callable[[int], None], done: str) -> None:
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
