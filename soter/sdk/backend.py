@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from types import TracebackType
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, InstanceOf
 
@@ -44,8 +44,20 @@ class Truth(Protocol):
         """Return where a robot really is: x_m, y_m, heading_rad."""
 
 
+def _models_of(kind: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models of a type: itself, if it is one, those of its fields, and those of what it consists of."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield kind
+        for field in kind.model_fields.values():
+            yield from _models_of(field.annotation)
+    for part in get_args(kind):
+        yield from _models_of(part)
+
+
 class BackendConfig(BaseModel):
     """The configuration of every backend. A backend's own model adds options, given in `[backends.NAME]`.
+
+    Options that the model does not have are refused. One that accepts them, itself or in a table, raises TypeError.
 
     Attributes:
         workspace: set by the runner; a simulated backend builds its world from it.
@@ -59,6 +71,17 @@ class BackendConfig(BaseModel):
     seed: int = 0
     limits: InstanceOf[RuleLimits] = RuleLimits()
     promise: Promise = Promise()
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+        super().__pydantic_init_subclass__(**options)
+        for model in _models_of(cls):
+            extra = model.model_config.get("extra", "ignore")
+            if extra != "forbid":
+                raise TypeError(
+                    f"{cls.__qualname__}: model_config of {model.__qualname__} has extra = {extra!r}, allowed: "
+                    "'forbid': a misspelt option would be accepted, and do nothing"
+                )
 
 
 class Fleet(ABC):

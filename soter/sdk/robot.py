@@ -18,6 +18,8 @@ from soter.sdk.values import Controller, GoalStatus, Link, RobotSpec, RobotState
 STALE_AFTER_S: Final = 0.5
 DOWN_AFTER_S: Final = 3.0
 
+_KNOWN_OR_NOT: Final = frozenset((float, type(None)))
+
 FUTURE_S: Final = 0.1
 """A sample stamped more than this in the future is dropped: its clock is broken, and it would never grow old."""
 
@@ -302,7 +304,7 @@ class Robot(ABC):
 
     def __admit(self, sample: RobotState, now_s: float) -> RobotState | None:
         previous, stamp_s = self.__state, sample.stamp_s
-        finite = math.isfinite(
+        total = (
             sample.x_m
             + sample.y_m
             + sample.z_m
@@ -312,9 +314,17 @@ class Robot(ABC):
             + sample.yaw_rate_rad_s
             + stamp_s
         )
+        # The sum is no float if any of them is one of NumPy's.
+        if (
+            type(total) is not float
+            or type(sample.vehicle_stamp_s) is not float
+            or type(sample.battery) not in _KNOWN_OR_NOT
+            or type(sample.vz_m_s) not in _KNOWN_OR_NOT
+        ):
+            sample = sample.in_floats()
         battery = sample.battery
         if (
-            not finite
+            not math.isfinite(total)
             or sample.robot_id != self.__id
             or (battery is not None and not 0.0 <= battery <= 1.0)
             or (previous is not None and stamp_s < previous.stamp_s)

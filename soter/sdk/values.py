@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from numbers import Real
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_type_hints
 
 from soter.controller import Controller as Controller
 from soter.sdk.capabilities import Capabilities, is_finite
@@ -140,9 +140,18 @@ class RobotState(NamedTuple):
     link: Link
     vz_m_s: float | None = None
 
+    def in_floats(self) -> RobotState:
+        """Return the same sample with Python floats; recordings cannot take other numbers, such as NumPy's."""
+        numbers = ((name, getattr(self, name)) for name in _FLOATS)
+        plain: dict[str, Any] = {name: float(value) for name, value in numbers if value is not None}
+        return self._replace(**plain)
+
     def age_s(self, now_s: float) -> float:
         """Return how old the sample is at fleet time `now_s`, in seconds."""
         return now_s - self.stamp_s
+
+
+_FLOATS: Final = tuple(name for name, kind in get_type_hints(RobotState).items() if kind in (float, float | None))
 
 
 @dataclass(frozen=True, slots=True)

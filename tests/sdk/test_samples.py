@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
+import msgspec
+import numpy as np
 import pytest
 
 from soter.clock import VirtualClock
@@ -96,3 +99,16 @@ def test_a_robot_lives_on_its_fleets_clock() -> None:
     clock.sleep_until(3.0)
     robot.place()
     assert robot.goto(THERE, SC).sent_s == 3.0
+
+
+@pytest.mark.parametrize("number", [np.float32, np.float64, np.int64, int])
+@pytest.mark.parametrize("name", [*FINITE, "vehicle_stamp_s", "battery", "vz_m_s"])
+def test_samples_hold_plain_floats_whatever_an_adapter_hands_out(name: str, number: Callable[[int], Any]) -> None:
+    robot = ready_robot()
+    robot.time.sleep_until(1.0)
+    assert robot.sample is not None
+    robot.sample = robot.sample._replace(stamp_s=1.0)._replace(**{name: number(1)})
+    state = robot.read_state()
+    assert getattr(state, name) == 1.0
+    assert msgspec.json.decode(msgspec.json.encode(state))[state._fields.index(name)] == 1.0
+    assert robot.discarded == 0

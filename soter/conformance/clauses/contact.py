@@ -18,7 +18,8 @@ _TOUCH_M = 0.003
 _UNTOLD_M = 0.02
 _SETS_OUT_M = 0.15
 _BEYOND_M = 0.6
-_PUSHES_S = 2.0
+_PUSHES_S = 6.0
+"""Longer than motors take that are switched off when they are held up."""
 
 
 @clause("truth.bounds.body", tier=Tier.TRUTH)
@@ -53,6 +54,7 @@ def body(bench: Bench) -> None:
         each.cancel()
     bench.run(bench.orphaned_s())
     _see_it_pass(bench, first, bench.look(second), 2.0 * radius_m + _ROOM_M)
+    came_from = bench.look(first)
     there = Waypoint(*bench.true_pose(second.id)[:2], timeout_s=bench.way_s())
     first.goto(there, Controller.AC)
     bench.run(there.timeout_s, lambda: apart_m() < near_m or truth.report().contacts > 0)
@@ -87,6 +89,12 @@ def body(bench: Bench) -> None:
         bench.caps.position_noise_m, bench.off_m,
         "after it has pushed at what stands in its way its place is another one: it counts the way of wheels that spin",
     )  # fmt: skip
+    if touched_m:
+        bench.go(
+            first, Waypoint(came_from.x_m, came_from.y_m, radius_m=2.0 * bench.near_m, timeout_s=bench.way_s()),
+            cause=f"it has pushed for {_PUSHES_S:g} s at what stood in its way, and moves no more: what protects its "
+            "motors has switched them off for good, and it says so to nobody",
+        )  # fmt: skip
 
 
 def _see_it_pass(bench: Bench, robot: Robot, other: TrackSample, aside_m: float) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from itertools import pairwise
+from itertools import pairwise, product
+from typing import get_args, get_type_hints
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
 from soter.conformance.driver import ROUNDING, TICK_S
 from soter.conformance.judging import STILL_M
 from soter.conformance.track import quantile
-from soter.sdk import Controller, Goal, Robot, RobotState
+from soter.sdk import Capabilities, Controller, Goal, Robot, RobotState
 
 _BETWEEN, _SHARE = 5, 0.4
 _LONG_S = 10.0
@@ -41,6 +42,27 @@ def fresh(bench: Bench) -> None:
             f"speed expected {expected:.4f} m: old samples get new stamps, or stamps are rounded; stamp them where "
             "they are measured",
         )
+
+
+@clause("state.types")
+def types(bench: Bench) -> None:
+    """What samples and capabilities hold is of the types that these declare, so that it can be recorded."""
+    robot = bench.open_one()
+    bench.go(robot, bench.place(robot, 0.5))
+    goal = robot.goto(bench.place(robot, 0.9), robot.in_charge)
+    bench.run(bench.caps.latency_s + 2.0 * TICK_S, lambda: not goal.active)
+    for what, hints, held in (
+        ("a sample", get_type_hints(RobotState), {sample.state for sample in bench.tracks[robot.id]}),
+        ("the capabilities", get_type_hints(Capabilities), {bench.caps}),
+    ):
+        for each, (name, declared) in product(held, hints.items()):
+            value, allowed = getattr(each, name), get_args(declared) or (declared,)
+            # Whole numbers are written like any others.
+            bench.require(
+                type(value) in (*allowed, *([int] if float in allowed else [])),
+                f"{name} of {what} is {value!r}, a {type(value).__name__}, declared is "
+                f"{getattr(declared, '__name__', declared)}: recordings, and programs that write JSON, cannot take it",
+            )
 
 
 @clause("state.stamps")
