@@ -291,19 +291,11 @@ class MavsdkHarness(MavlinkHarness):
     backend: ClassVar[type[VehicleBackend]] = MavsdkBackend
 
 
-class MavsdkCopterHarness(MavsdkHarness):
+class MavsdkCopterHarness(CopterHarness):
     """Opens simulated copters for the backend `mavsdk`."""
 
     name = "mavsdk (copter)"
-    options: ClassVar[dict[str, Any]] = {"vehicle": "copter"}
-    # A copter is charged on the ground only, and the kit's fly.
-    charges_at_start = False
-    switchable = Harness.switchable
-    restart = Harness.restart
-    # The mode in which it stands has another number than a rover's; without its motors it would fall.
-    seize = Harness.seize
-    by_hand = Harness.by_hand
-    disable = Harness.disable
+    backend: ClassVar[type[VehicleBackend]] = MavsdkBackend
 
 
 def open_given(argument: str) -> Fleet:
