@@ -55,7 +55,9 @@ def explain(bench: Judging) -> str:
                 f"{allowed_m:.3f} m"
             )
         if robot.discarded and not bench.faulty:
-            found.append(f"{robot.discarded} samples of {who} were discarded as not finite, late or another robot's")
+            found.append(
+                f"{robot.discarded} samples of {who} were discarded, the last one because {robot.discarded_for}"
+            )
     return "".join(f"{each}; " for each in found)
 
 

@@ -16,7 +16,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
-    "stop_clock", "garble", "seize", "by_hand", "disable", "intrude", "another", "faster",
+    "stop_clock", "garble", "seize", "by_hand", "shown", "disable", "intrude", "another", "faster",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -282,12 +282,12 @@ class Harness(ABC):
         """Let a person take the robot from SOTER and stop it, as by a switch on it or at another ground station."""
         raise NotImplementedError
 
-    def by_hand(self, robot_id: int) -> Callable[[], str]:
-        """Let a person take the robot from SOTER to drive it by hand, for now with the sticks at rest.
+    def by_hand(self, robot_id: int) -> None:
+        """Let a person take the robot from SOTER to drive it by hand, for now with the sticks at rest."""
+        raise NotImplementedError
 
-        Return what reads, not through the adapter, how the robot shows itself to that person: its mode, say, and
-        whether it is armed.
-        """
+    def shown(self, robot_id: int) -> str:
+        """Return, not through the adapter, how a robot shows itself to people: its mode, and that it is armed, say."""
         raise NotImplementedError
 
     def disable(self, robot_id: int) -> None:

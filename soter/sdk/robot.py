@@ -64,6 +64,7 @@ class Robot(ABC):
         self.__state: RobotState | None = None
         self.__switch: Switch | None = None
         self.__discarded = 0
+        self.__discarded_for = ""
 
     def __init_subclass__(cls, *, overrides: Collection[str] = (), **options: object) -> None:
         """Check that a subclass only fills hooks, and overrides nothing that must be the same for all robots.
@@ -113,6 +114,11 @@ class Robot(ABC):
     def discarded(self) -> int:
         """Samples dropped: not finite, not this robot's, older than the one before, or from the future."""
         return self.__discarded
+
+    @property
+    def discarded_for(self) -> str:
+        """What was wrong with the last sample that was dropped, in words; empty if none was."""
+        return self.__discarded_for
 
     @property
     def capabilities(self) -> Capabilities:
@@ -189,7 +195,8 @@ class Robot(ABC):
         if sample is not None and sample is not state:
             state = self.__admit(sample, now_s)
         if state is None:
-            raise RobotUnavailable(f"robot {self.__id}: no valid sample has arrived yet")
+            dropped = f", and {self.__discarded} were discarded: {self.__discarded_for}" if self.__discarded else ""
+            raise RobotUnavailable(f"robot {self.__id}: no valid sample has arrived yet{dropped}")
         age_s = now_s - state.stamp_s
         if age_s > self.stale_after_s:
             link = Link.DOWN if age_s > self.down_after_s else Link.STALE
@@ -331,8 +338,23 @@ class Robot(ABC):
             or stamp_s > now_s + FUTURE_S
         ):
             self.__discarded += 1
+            self.__discarded_for = self.__fault_of(sample, now_s)
             return previous
         return sample
+
+    def __fault_of(self, sample: RobotState, now_s: float) -> str:
+        """Return why a sample is not admitted."""
+        for name, value in zip(sample._fields, sample, strict=True):
+            if isinstance(value, float) and not math.isfinite(value):
+                return f"{name} is {value}"
+        if sample.robot_id != self.__id:
+            return f"it is of robot {sample.robot_id}"
+        if sample.battery is not None and not 0.0 <= sample.battery <= 1.0:
+            return f"battery is {sample.battery:g}, allowed: 0 to 1"
+        if sample.stamp_s > now_s + FUTURE_S:
+            return f"it is stamped {sample.stamp_s - now_s:.3f} s in the future"
+        older = self.__state is not None and sample.stamp_s < self.__state.stamp_s
+        return "it is older than the one before" if older else "its numbers are too large to add up"
 
     def __judge(self, goal: Goal, state: RobotState, now_s: float) -> None:
         target = goal.target
@@ -355,7 +377,8 @@ class Robot(ABC):
 
 
 _OWN: Final = {
-    "spec": "", "id": "", "clock": "", "in_charge": "", "initialised": "", "discarded": "", "hand_over_again": "",
+    "spec": "", "id": "", "clock": "", "in_charge": "", "initialised": "", "discarded": "", "discarded_for": "",
+    "hand_over_again": "",
     "capabilities": "return them from _connect()", "init": "fill _connect()", "goto": "fill _send_goto()",
     "read_state": "fill _sample()", "switch_ac_sc": "fill _hand_over()", "renew_lease": "fill _renew_lease()",
     "close": "fill _disconnect()",

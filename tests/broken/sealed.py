@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
 from typing import Any, Final
 
 import numpy as np
 
-from tests.broken.edits import edited, sampled
+from soter.sdk import RobotState
+from tests.broken.edits import driven, edited, sampled, wired
 from tests.broken.in_process import Broken
+from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import memory, with_control
+from tests.conformance.wire import Intent, Vehicle, WireRobot
 
 _STALLS_S: Final = 3.0
 _ASKS_M_S, _STANDS_M_S = 0.02, 0.002
@@ -26,9 +31,51 @@ def _switches_off(robot: Any, state: tuple[float, ...], speed: float, rate: floa
     return speed, rate
 
 
+def _of_numpy(number: int | None) -> Any:
+    return None if number is None else np.int64(number)
+
+
+def _waits_for_any_child(_: Any, state: RobotState) -> RobotState:
+    with suppress(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+    return state
+
+
+def _was_cut(robot: Any) -> list[bool]:
+    return memory(robot, "was cut", lambda: [False])  # type: ignore[no-any-return]
+
+
+def _notes_outages(robot: Any) -> RobotState | None:
+    _was_cut(robot)[0] |= robot.faults.cut
+    return WireRobot._sample(robot)
+
+
+def _leaves_it_armed(robot: Any, timeout_s: float) -> None:
+    WireRobot._disconnect(robot, timeout_s)
+    robot.vehicle.mode = "armed" if _was_cut(robot)[0] else "disarmed"
+
+
+def _takes_newer_goals(vehicle: Any, intent: Intent, clock_s: float) -> None:
+    newest = memory(vehicle, "newest", lambda: [0])
+    if intent.goal is not None and intent.goal.id < newest[0]:
+        intent = intent._replace(goal=None)
+    newest[0] = max(newest[0], intent.goal.id if intent.goal else 0)
+    Vehicle.take(vehicle, intent, clock_s)
+
+
 SEALED: Final[tuple[type[Broken], ...]] = (
     edited("SwitchesOffForGood", "Drives no more once something has held it up for three seconds.",
            "truth.bounds.body", "switched them off", _connect=with_control(_switches_off)),
     sampled("NumbersOfNumPy", "Numbers the goals of its samples by integers of NumPy.", "state.types", "cannot take it",
-            lambda _, state: state._replace(goal_id=None if state.goal_id is None else np.int64(state.goal_id))),
+            lambda _, state: state._replace(goal_id=_of_numpy(state.goal_id))),
+    sampled("WaitsForAnyChild", "Waits for whichever child of the process has ended.", "host.children", "waits for any",
+            _waits_for_any_child),
+)  # fmt: skip
+
+SEALED_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    wired("ForgetsThatItArmed", "Leaves its motors on as it is closed, if its link was out in the meantime.",
+          "link.left_as_ever", "forgotten when it is made ready again", _sample=_notes_outages,
+          _disconnect=_leaves_it_armed),
+    driven("TakesNewerGoals", "Takes no goal whose number is below that of one before, whichever program's that was.",
+           "authority.next_program", "one that was overtaken", take=_takes_newer_goals),
 )  # fmt: skip

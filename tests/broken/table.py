@@ -24,7 +24,7 @@ from tests.broken.outsiders import OUTSIDERS, OUTSIDERS_ON_WIRE
 from tests.broken.passing import PASSING
 from tests.broken.promised import PROMISES
 from tests.broken.samples import SAMPLES
-from tests.broken.sealed import SEALED
+from tests.broken.sealed import SEALED, SEALED_ON_WIRE
 from tests.broken.seldom import SELDOM, SELDOM_ON_WIRE
 from tests.broken.strangers import STRANGERS, STRANGERS_ON_WIRE
 from tests.broken.survivors import SURVIVORS
@@ -52,7 +52,7 @@ BROKEN: Final[tuple[Kind, ...]] = (
     *_written(on_wire.BrokenWire, on_wire), *WIRE_MUTANTS, *SELDOM_ON_WIRE, *CORNERS_ON_WIRE, *DRIVERS_ON_WIRE,
     *HABITS_ON_WIRE, *WAYS_ON_WIRE, *CROWD_ON_WIRE, *AFTERWARDS_ON_WIRE, *STRANGERS_ON_WIRE,
     *MEETING_ON_WIRE, *FIELD_ON_WIRE, *UNASKED_ON_WIRE, *OUTAGES_ON_WIRE,
-    *OUTSIDERS_ON_WIRE, *HOST_ON_WIRE,
+    *OUTSIDERS_ON_WIRE, *HOST_ON_WIRE, *SEALED_ON_WIRE,
 )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -410,10 +410,12 @@ class WireHarness(Harness):
     def seize(self, robot_id: int) -> None:
         self.vehicles[robot_id].seized = True
 
-    def by_hand(self, robot_id: int) -> Callable[[], str]:
+    def by_hand(self, robot_id: int) -> None:
         vehicle = self.vehicles[robot_id]
         vehicle.seized, vehicle.mode = True, "manual"
-        return lambda: vehicle.mode
+
+    def shown(self, robot_id: int) -> str:
+        return self.vehicles[robot_id].mode
 
     def disable(self, robot_id: int) -> None:
         self.vehicles[robot_id].disabled = True

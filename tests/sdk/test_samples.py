@@ -20,6 +20,14 @@ THERE = Waypoint(2.0, 1.0)
 FINITE = ("x_m", "y_m", "z_m", "heading_rad", "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "stamp_s")
 
 
+def test_why_samples_are_discarded_is_said_before_any_is_valid() -> None:
+    robot = FakeRobot()
+    robot.init(1.0)
+    robot.place(battery=24.3)
+    with pytest.raises(RobotUnavailable, match=r"1 were discarded: battery is 24\.3, allowed: 0 to 1"):
+        robot.read_state()
+
+
 def test_no_sample_yet_is_said_and_not_invented() -> None:
     robot = FakeRobot()
     robot.init(1.0)
@@ -73,6 +81,7 @@ def test_samples_that_cannot_be_are_discarded_and_counted(values: dict[str, Any]
     robot.place(**{"x_m": 2.0, **values})
     assert robot.read_state() == good
     assert robot.discarded == 1
+    assert any(word in robot.discarded_for for word in (*values, "robot 2", "older", "future"))
     robot.place(x_m=3.0)
     assert robot.read_state().x_m == 3.0, "one bad sample must not shut out those that follow"
 

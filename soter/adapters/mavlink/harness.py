@@ -11,7 +11,7 @@ import select
 import socket
 import subprocess
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import suppress
 from typing import Any, ClassVar, Final
 
@@ -23,7 +23,7 @@ from soter.adapters.mavlink.mavsdk_backend import MavsdkBackend
 from soter.adapters.mavlink.options import STREAM_HZ, MavlinkConfig
 from soter.adapters.mavlink.simulator import MavlinkSimulator, free_port
 from soter.adapters.mavlink.transport import Address
-from soter.adapters.mavlink.vehicle import ARDUROVER, EVERYBODY
+from soter.adapters.mavlink.vehicle import ARDUROVER, EVERYBODY, kind_of
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
 from soter.conformance.harness import LIMITS, Harness, Killable, Switchable
 from soter.errors import RobotUnavailable
@@ -49,6 +49,9 @@ class MavlinkRelay(ImpairedRelay):
     Args:
         adapter_port: the port on which the adapter listens.
         listens: the address to which the vehicles send; port 0 for any free port.
+
+    Attributes:
+        heartbeats: the latest one of each vehicle, as it came.
     """
 
     def __init__(self, adapter_port: int, listens: tuple[str, int] = (_HOST, 0)) -> None:
@@ -58,7 +61,7 @@ class MavlinkRelay(ImpairedRelay):
         self._parser: Final = mav.MAVLink(None)
         self._parser.robust_parsing = True
         self._peers: dict[tuple[str, int], set[int]] = {}
-        self._heartbeats: Final[dict[int, bytes]] = {}
+        self.heartbeats: Final[dict[int, bytes]] = {}
         # Vehicles share a link, and so its order. The vehicle of each datagram is looked up, to cut off only some.
         self._up: Final = Line(EVERYBODY, lambda datagram: _send(self._adapter, datagram, (_HOST, adapter_port)))
         self._down: Final = Line(EVERYBODY, self._tell)
@@ -78,12 +81,6 @@ class MavlinkRelay(ImpairedRelay):
     def tell(self, message: mav.MAVLink_message, system: int) -> None:
         """Send the vehicles a message as if it came from the keeper of a ground station."""
         self._tell(message.pack(mav.MAVLink(None, system, KEEPER)))
-
-    def shown(self, system: int) -> str:
-        """Return the mode of a vehicle, and whether it is armed, as its latest heartbeat says."""
-        beat = mav.MAVLink(None).parse_char(self._heartbeats[system])
-        armed = beat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED
-        return f"mode {ARDUROVER.names.get(beat.custom_mode, beat.custom_mode)}, {'armed' if armed else 'disarmed'}"
 
     def _tell(self, datagram: bytes, but: Collection[int] = ()) -> None:
         # Simulated vehicles share a socket, others have one each, and know by the ids what is for them.
@@ -110,7 +107,7 @@ class MavlinkRelay(ImpairedRelay):
                 system, line = self._sender(datagram), self._up
                 self._peers.setdefault(peer, set()).add(system)
                 if datagram[_MESSAGE_AT] == _HEARTBEAT:
-                    self._heartbeats[system] = datagram
+                    self.heartbeats[system] = datagram
             else:
                 system = self._addressee(datagram)
                 line = self._broadcast if system == EVERYBODY else self._down
@@ -206,15 +203,21 @@ class MavlinkHarness(RelayedHarness):
         custom = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         self._command(_STATION, robot_id, mav.MAV_CMD_DO_SET_MODE, custom, ARDUROVER.stop)
 
-    def by_hand(self, robot_id: int) -> Callable[[], str]:
-        """Set the mode MANUAL, as a remote control's switch does; return what reads the vehicle's latest heartbeat.
+    def by_hand(self, robot_id: int) -> None:
+        """Set the mode MANUAL, as a remote control's switch does.
 
         The vehicle is told in the adapter's name, since a program may only stop it while the lease lives.
         """
-        custom, relay = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, self.relay
-        assert isinstance(relay, MavlinkRelay)
+        custom = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         self._command(self._own(), robot_id, mav.MAV_CMD_DO_SET_MODE, custom, _MANUAL)
-        return lambda: relay.shown(robot_id)
+
+    def shown(self, robot_id: int) -> str:
+        """Return the mode of a vehicle, and whether it is armed, as its latest heartbeat says."""
+        assert isinstance(self.relay, MavlinkRelay)
+        beat = mav.MAVLink(None).parse_char(self.relay.heartbeats[robot_id])
+        armed = beat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED
+        mode = kind_of(beat.type, beat.autopilot).names.get(beat.custom_mode, beat.custom_mode)
+        return f"mode {mode}, {'armed' if armed else 'disarmed'}"
 
     def disable(self, robot_id: int) -> None:
         """Have another ground station disarm the vehicle."""

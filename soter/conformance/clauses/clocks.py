@@ -261,12 +261,14 @@ def _keeps_its_heading(bench: Bench, robot: Robot) -> None:
 def _has_restarted(bench: Bench, before: RobotState, now: RobotState) -> None:
     """Fail the clause unless samples go on as often, with a clock that has begun anew between two of them."""
     age_s = now.age_s(bench.now_s)
-    if is_late := age_s > bench.caps.sample_age_s + _STEP_AGE_S:
-        # Where they come seldom it takes long to learn the clock that has begun anew.
+    is_late = age_s > bench.caps.sample_age_s + _STEP_AGE_S
+    least = _SELDOM * (often := _a_second(bench, now.robot_id, before.stamp_s))
+    if is_late or _a_second(bench, now.robot_id, bench.now_s) < least:
+        # Where they come seldom it takes long to learn the clock that has begun anew; or it was back late.
         bench.run(2.0 * _COUNTED_S)
-    often, seldom = _a_second(bench, now.robot_id, before.stamp_s), _a_second(bench, now.robot_id, bench.now_s)
+    seldom = _a_second(bench, now.robot_id, bench.now_s)
     bench.require(
-        not 0.0 < seldom < _SELDOM * often,
+        not 0.0 < seldom < least,
         f"since the restart {seldom:g} samples come in a second, and before it {often:g} did: what was asked of the "
         "vehicle, such as how often it says what, is lost with the power; ask again",
     )

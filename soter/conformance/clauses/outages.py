@@ -16,6 +16,9 @@ _LOOKS_S = 0.7
 _OFF_S = ((1.2, True), (2.4, False), (2.4, True))
 _RETURNS_S = 5.0
 _ACTS_S = 2.0
+_AWAY_S = 5.0
+_COMES_BACK_S = 8.0
+_SHOWS_S = 3.0
 _LOST = 3000
 """Renewals of two and a half minutes."""
 
@@ -102,6 +105,35 @@ def many_lost(bench: Bench) -> None:
         cause=f"{_LOST} renewals were lost in an outage, and once the link is back, and it is heard, it does not obey: "
         "its program takes what is numbered far beyond the last for old or wrong, for good",
     )  # fmt: skip
+
+
+@clause("link.left_as_ever", tier=Tier.WIRE, hooks=("cut",))
+def left_as_ever(bench: Bench) -> None:
+    """After an outage close() leaves a robot as it leaves one that was always heard: in that mode, disarmed as that."""
+    bench.require_hook("shown")
+    shown = []
+    for away_s in (0.0, _AWAY_S):
+        bench.faulty = False
+        robot = bench.open_one()
+        bench.go(robot, bench.place(robot, 0.3))
+        if away_s:
+            bench.faulty = True
+            bench.harness.cut(robot.id)
+            bench.run(away_s)
+            bench.harness.restore(robot.id)
+            bench.run(_COMES_BACK_S)
+            bench.go(robot, bench.place(robot, 0.0), cause=f"since an outage of {away_s:g} s it does not obey any more")
+        clock = bench.fleet.clock
+        bench.fleet.close()
+        clock.sleep_until(clock.now() + _SHOWS_S)
+        shown.append(bench.harness.shown(robot.id))
+        bench.harness.close()
+    as_ever, after = shown
+    bench.require(
+        after == as_ever,
+        f"after an outage of {_AWAY_S:g} s close() leaves it otherwise ({after}) than without one ({as_ever}): what "
+        "was done to get it ready the first time is forgotten when it is made ready again, and so is not undone",
+    )
 
 
 def _heeds(bench: Bench, robot: Robot, old: Goal, new: Goal | None, what: str) -> None:

@@ -17,6 +17,7 @@ from soter.sdk import Controller, Link, Robot
 _MANY_TIMES = 25
 _READY_S = 2.0
 _LONGER_S = 3.0
+_GOALS = 2
 _SEIZED_S = 4.0
 _NOTICED_S = 1.5
 _INTRUDED_S = 2.5
@@ -73,7 +74,8 @@ def next_program(bench: Bench) -> None:
     bench.require_hook("second")
     before = bench.open_one()
     ready_s = bench.now_s
-    bench.go(before, bench.place(before, 0.5))
+    for number in range(_GOALS):
+        bench.go(before, bench.place(before, 0.3 + 0.2 * number))
     bench.run(bench.orphaned_s(), renew=False)
     bench.opener = bench.harness.second
     began_s = before.clock.steady_s()
@@ -83,12 +85,13 @@ def next_program(bench: Bench) -> None:
         "the robot is held for a program that has ended without close(), though its lease is dead: whoever restarts "
         "that program waits; a robot is free as soon as the lease is",
     )  # fmt: skip
-    # Its first goal, so that it has the same number as that of the program before.
-    bench.arrive(
-        robot.goto(bench.place(robot, -0.3, 0.5), Controller.AC),
-        "it is taken for the first goal of the program before, to where that had sent the robot: goals are known by "
-        "their numbers alone, and every program begins with 1",
-    )
+    # Goals of lower numbers than the last of the program before, and one of the same.
+    for number in range(_GOALS):
+        bench.arrive(
+            robot.goto(bench.place(robot, -0.3 + 0.2 * number, 0.5), Controller.AC),
+            f"its goal number {number + 1} is taken for one of the program before, or for one that was overtaken: "
+            "goals are known by their numbers alone, and every program begins with 1",
+        )
 
 
 @clause("authority.seized", tier=Tier.WIRE)
@@ -108,19 +111,21 @@ def disabled(bench: Bench) -> None:
 @clause("authority.left", tier=Tier.WIRE)
 def left(bench: Bench) -> None:
     """close() leaves a robot as it is that a person drives by hand."""
-    bench.require_hook("by_hand")
+    harness = bench.harness
+    for hook in ("by_hand", "shown"):
+        bench.require_hook(hook)
     robot = bench.open_one()
     bench.get_going(robot, bench.place(robot, 0.9))
     bench.faulty = True
-    shown = bench.harness.by_hand(robot.id)
+    harness.by_hand(robot.id)
     clock = bench.fleet.clock
     bench.run(bench.orphaned_s() + _SEIZED_S)
-    before = shown()
+    before = harness.shown(robot.id)
     bench.fleet.close()
     ends_s = clock.now() + _SEIZED_S
     while clock.now() < ends_s:
         clock.sleep_until(clock.now() + TICK_S)
-        after = shown()
+        after = harness.shown(robot.id)
         bench.require(
             after == before,
             f"a person drives it by hand ({before}), and close() takes it away ({after}): in the air, or on a slope, "

@@ -95,8 +95,7 @@ def ranges(bench: Bench) -> None:
         )
     bench.require(
         robot.discarded == 0,
-        f"{robot.discarded} samples were discarded: not finite, another robot's, older than the one before, or stamped "
-        "in the future",
+        f"{robot.discarded} samples were discarded, the last one because {robot.discarded_for}",
     )
 
 

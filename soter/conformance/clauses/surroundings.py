@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
 
 from soter.conformance.bench import Bench
@@ -13,6 +17,8 @@ from soter.conformance.figure import Failed, NotTested
 from soter.conformance.usage import listening
 from soter.errors import account_of, raised_at
 
+_CODE: Final = 3
+_MOMENT_S: Final = 0.5
 _LOOPBACK: Final = ("127.", "::1", "::ffff:127.")
 
 
@@ -58,6 +64,27 @@ def _drive_elsewhere(bench: Bench, where: str, run: Callable[[Callable[[], None]
             f"{where} it raised {account_of(failure)}{raised_at(failure)}: event loops and signals belong to the "
             "program that uses its robots; run a loop in a thread of the adapter's own"
         ) from failure
+
+
+@clause("host.children")
+def children(bench: Bench) -> None:
+    """A program that somebody else has started from the same process ends with its own exit code."""
+    if bench.harness.gives("killable"):
+        bench.opener = lambda: bench.harness.killable().fleet
+    robot = bench.open_one()
+    child = subprocess.Popen([sys.executable, "-S", "-c", f"raise SystemExit({_CODE})"])
+    # It is watched without taking its exit code, which is there to be taken once.
+    with suppress(ChildProcessError):
+        os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
+    bench.run(_MOMENT_S, lambda: bool(bench.fleet.lost()))
+    bench.go(robot, bench.place(robot, 0.2))
+    bench.close()
+    code = child.wait()
+    bench.require(
+        code == _CODE,
+        f"a program that was started beside the fleet has ended with {_CODE}, and whoever started it learns {code}: "
+        "the adapter waits for any child of the process, by waitpid(-1), or ignores SIGCHLD; wait for your own by id",
+    )
 
 
 @clause("host.alone", tier=Tier.WIRE)
