@@ -17,6 +17,7 @@ HOOKS: Final = ("cut", "delay", "loss", "duplicate", "reorder", "start_driver", 
 EXTRA_HOOKS: Final = (
     "second", "step_clock", "restart", "promising", "charged", "choosing", "switchable", "stall", "killable",
     "stop_clock", "garble", "seize", "by_hand", "shown", "disable", "intrude", "another", "faster",
+    "refusing",
 )  # fmt: skip
 """More optional methods, which not every harness can give; an adapter may conform without."""
 
@@ -268,6 +269,10 @@ class Harness(ABC):
 
         It is what missions get that name no address of a robot.
         """
+        raise NotImplementedError
+
+    def refusing(self) -> tuple[Fleet, str]:
+        """Return a fleet of one fresh robot that refuses to get ready, and words in which the robot says why."""
         raise NotImplementedError
 
     def faster(self, speedup: float) -> Fleet:

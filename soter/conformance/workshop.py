@@ -178,8 +178,10 @@ class Workshop:
     def __exit__(self, *_: object) -> None:
         for worker in self._workers:
             worker.ask_to_end()
+        # They close side by side: where all of them hang, that takes no longer than where one does.
+        until_s = time.monotonic() + _CLOSING_S
         for worker in self._workers:
-            worker.end(_CLOSING_S if worker.clause is not None else _LEAVING_S)
+            worker.end(_LEAVING_S if worker.clause is None else max(0.0, until_s - time.monotonic()))
 
     def judge(
         self,

@@ -76,6 +76,8 @@ SEALED_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
     wired("ForgetsThatItArmed", "Leaves its motors on as it is closed, if its link was out in the meantime.",
           "link.left_as_ever", "forgotten when it is made ready again", _sample=_notes_outages,
           _disconnect=_leaves_it_armed),
+    wired("HearsNoComplaint", "Drops what its robot says of why it does not get ready.", "lifecycle.says_why",
+          "gets lost", complaint=lambda _: "nothing"),
     driven("TakesNewerGoals", "Takes no goal whose number is below that of one before, whichever program's that was.",
            "authority.next_program", "one that was overtaken", take=_takes_newer_goals),
 )  # fmt: skip

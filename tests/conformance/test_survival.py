@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import resource
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -160,3 +162,20 @@ def test_a_run_that_is_stopped_has_what_there_is() -> None:
         record = workshop.judge(SOME, lambda outcome, _: heard.append(outcome))
     assert record.outcomes == tuple(heard)
     assert record.overall is Overall.UNFINISHED
+
+
+def test_those_that_hang_get_the_time_of_one_to_close(monkeypatch: pytest.MonkeyPatch) -> None:
+    passed_s, graces_s = [0.0], []
+
+    def end(worker: Any, grace_s: float = 0.0) -> None:
+        graces_s.append(grace_s)
+        passed_s[0] += grace_s
+        worker._child = None
+
+    with Workshop("kinematic", jobs=3) as workshop:
+        for worker in workshop._workers:
+            worker.end()
+            worker.clause = CLAUSES["goal.cancel"]
+        monkeypatch.setattr("soter.conformance.workshop.time", SimpleNamespace(monotonic=lambda: passed_s[0]))
+        monkeypatch.setattr("soter.conformance.workshop._Worker.end", end)
+    assert graces_s == [10.0, 0.0, 0.0]

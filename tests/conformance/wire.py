@@ -82,6 +82,7 @@ class Vehicle:
         self.seized = self.disabled = False
         self.mode = "auto"
         self.speedup = 1.0
+        self.complaint = ""
         self.intruded_until_s, self.intruder_turns = 0.0, False
         self.begin()
         world.set_control(spec.id, self.control)
@@ -141,6 +142,8 @@ class Vehicle:
         self.renew(intent, clock_s)
 
     def follows(self, intent: Intent, clock_s: float) -> bool:
+        if self.complaint:
+            return False
         if intent.session == self.session:
             return intent.number > self.heard
         return not self.mux.alive(clock_s)
@@ -205,8 +208,12 @@ class WireRobot(Robot):
             self._sample()
             self.want()
             if self.clock.now() >= end_s:
-                raise RobotUnavailable(f"robot {self.id} follows another program, whose lease lives")
+                raise RobotUnavailable(f"robot {self.id} does not get ready; it says: {self.complaint()}")
         return self.declared
+
+    def complaint(self) -> str:
+        """What the robot says of why it follows nobody, or not this program."""
+        return self.vehicle.complaint or "I follow another program, whose lease lives"
 
     def _send_goto(self, goal: Goal) -> None:
         self.want(goal=goal)
@@ -348,6 +355,11 @@ class WireHarness(Harness):
             truth.says_on = self.kind.truth_says_on
 
         return Killable(fleet, kill)
+
+    def refusing(self) -> tuple[Fleet, str]:
+        fleet, (vehicle,) = self.open(1), self.vehicles.values()
+        vehicle.complaint = "the motors are too hot"
+        return fleet, vehicle.complaint
 
     def faster(self, speedup: float) -> Fleet:
         fleet, (vehicle,) = self.open(1), self.vehicles.values()

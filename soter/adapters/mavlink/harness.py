@@ -189,6 +189,10 @@ class MavlinkHarness(RelayedHarness):
         self.fleet = fleet = self.backend().open(MavlinkConfig.model_validate(given), self.specs(1))
         return fleet
 
+    def refusing(self) -> tuple[Fleet, str]:
+        """Return a vehicle that does not arm, since its battery is empty."""
+        return self.charged(0.0), "Battery 1 is empty"
+
     def stall(self, robot_id: int, seconds: float) -> None:
         """Suspend the vehicles' program for a time; afterwards the simulation catches up."""
         assert isinstance(self.simulator, MavlinkSimulator)

@@ -9,10 +9,11 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.figure import NotTested
 from soter.conformance.track import turn
-from soter.errors import LifecycleError
+from soter.errors import LifecycleError, RobotUnavailable
 from soter.sdk import Controller, GoalStatus, Robot, Waypoint
 
 _TURNS_S = 0.3
+_REFUSES_S = 10.0
 _CLOSES_S, _LATE_S = 2.0, 1.0
 
 
@@ -46,6 +47,26 @@ def init(bench: Bench) -> None:
         f"after init() the robot reports {state.controller} in charge, expected SC: init() must hand over to the SC",
     )
     bench.expect_still(robot, 1.0, "init() must leave the robot at rest, with no target of an earlier session")
+
+
+@clause("lifecycle.says_why", tier=Tier.WIRE)
+def says_why(bench: Bench) -> None:
+    """init() of a robot that refuses to get ready raises RobotUnavailable, with the robot's own words for that."""
+    bench.require_hook("refusing")
+    fleet, words = bench.harness.refusing()
+    bench.opener = lambda: fleet
+    (robot,) = bench.open_raw().robots
+    try:
+        robot.init(_REFUSES_S)
+    except RobotUnavailable as failure:
+        said = str(failure)
+    else:
+        bench.fail(f"a robot that refuses to get ready ({words!r}) counts as ready: what it says is not listened to")
+    bench.require(
+        words in said,
+        f"a robot refuses to get ready and says {words!r}, and init() raises {said!r}: what it says of itself gets "
+        "lost, such as by a filter of how severe it is; whoever is to mend it looks in the wrong place",
+    )
 
 
 @clause("lifecycle.init_twice")
