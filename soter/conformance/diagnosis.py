@@ -10,6 +10,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Final
 
 from soter.conformance.track import MOVING_M_S, TrackSample, run_m
+from soter.geometry.workspace import Point
 from soter.sdk import Capabilities
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def explain(bench: Judging) -> str:
             )
         if robot.discarded and not bench.faulty:
             found.append(
-                f"{robot.discarded} samples of {who} were discarded, the last one because {robot.discarded_for}"
+                f"{robot.discarded} samples of {who} were discarded: {robot.discarded_for}"
             )
     return "".join(f"{each}; " for each in found)
 
@@ -86,11 +87,28 @@ def _off_the_truth(bench: Judging, track: Sequence[TrackSample], who: str) -> It
         with suppress(Exception):
             x_m, y_m, _ = bench.true_pose(state.robot_id)
         off_m = math.hypot(state.x_m - x_m, state.y_m - y_m)
-        if off_m > _OFF_M + bench.caps.position_noise_m + bench.caps.v_max_m_s * (bench.now_s - state.stamp_s):
-            why = frozen if frozen_s > _FROZEN_S else "another frame, unit or origin, or another robot's"
+        far_m = _OFF_M + bench.caps.position_noise_m + bench.caps.v_max_m_s * (bench.now_s - state.stamp_s)
+        if off_m > far_m:
+            why = frozen if frozen_s > _FROZEN_S else _mixed_up((state.x_m, state.y_m), (x_m, y_m), far_m)
             yield f"the samples of {who} put it {off_m:.2f} m from where it really is: {why}"
     elif frozen_s > _FROZEN_S and math.hypot(state.vx_m_s, state.vy_m_s) > MOVING_M_S:
         yield f"the samples of {who} say that it moves, but {frozen}"
+
+
+def _mixed_up(said: Point, true: Point, off_m: float) -> str:
+    """Return by which mix-up of coordinates a place is off, if there is one that explains it."""
+    x_m, y_m = said
+    for place, what in (
+        ((x_m, -y_m), "y has the wrong sign"),
+        ((-x_m, y_m), "x has the wrong sign"),
+        ((-x_m, -y_m), "x and y have the wrong signs"),
+        ((y_m, x_m), "x and y are swapped, as between NED and ENU"),
+        ((x_m / 1000.0, y_m / 1000.0), "it is in millimetres"),
+        ((x_m / 100.0, y_m / 100.0), "it is in centimetres"),
+    ):
+        if math.dist(place, true) <= off_m:
+            return what
+    return "another frame, unit or origin, or another robot's"
 
 
 def _moves_at_no_speed(track: Sequence[TrackSample], who: str) -> Iterator[str]:

@@ -195,7 +195,7 @@ class Robot(ABC):
         if sample is not None and sample is not state:
             state = self.__admit(sample, now_s)
         if state is None:
-            dropped = f", and {self.__discarded} were discarded: {self.__discarded_for}" if self.__discarded else ""
+            dropped = f"; {self.__discarded} were discarded: {self.__discarded_for}" if self.__discarded else ""
             raise RobotUnavailable(f"robot {self.__id}: no valid sample has arrived yet{dropped}")
         age_s = now_s - state.stamp_s
         if age_s > self.stale_after_s:
@@ -346,9 +346,9 @@ class Robot(ABC):
         """Return why a sample is not admitted."""
         for name, value in zip(sample._fields, sample, strict=True):
             if isinstance(value, float) and not math.isfinite(value):
-                return f"{name} is {value}"
+                return f"{name} is {value}, not finite"
         if sample.robot_id != self.__id:
-            return f"it is of robot {sample.robot_id}"
+            return f"it is another robot's, of {sample.robot_id}"
         if sample.battery is not None and not 0.0 <= sample.battery <= 1.0:
             return f"battery is {sample.battery:g}, allowed: 0 to 1"
         if sample.stamp_s > now_s + FUTURE_S:

@@ -18,8 +18,9 @@ _TOUCH_M = 0.003
 _UNTOLD_M = 0.02
 _SETS_OUT_M = 0.15
 _BEYOND_M = 0.6
-_PUSHES_S = 6.0
-"""Longer than motors take that are switched off when they are held up."""
+_PUSHES_S = 2.0
+_HELD_UP_S = 6.0
+"""Longer than what protects motors waits until it switches them off."""
 
 
 @clause("truth.bounds.body", tier=Tier.TRUTH)
@@ -90,9 +91,13 @@ def body(bench: Bench) -> None:
         "after it has pushed at what stands in its way its place is another one: it counts the way of wheels that spin",
     )  # fmt: skip
     if touched_m:
+        goal = first.goto(slowly, Controller.AC)
+        bench.run(_HELD_UP_S)
+        goal.cancel()
+        bench.settle()
         bench.go(
             first, Waypoint(came_from.x_m, came_from.y_m, radius_m=2.0 * bench.near_m, timeout_s=bench.way_s()),
-            cause=f"it has pushed for {_PUSHES_S:g} s at what stood in its way, and moves no more: what protects its "
+            cause=f"it has pushed for {_HELD_UP_S:g} s at what stood in its way, and moves no more: what protects its "
             "motors has switched them off for good, and it says so to nobody",
         )  # fmt: skip
 

@@ -95,7 +95,7 @@ def ranges(bench: Bench) -> None:
         )
     bench.require(
         robot.discarded == 0,
-        f"{robot.discarded} samples were discarded, the last one because {robot.discarded_for}",
+        f"{robot.discarded} samples were discarded: {robot.discarded_for}",
     )
 
 
