@@ -56,9 +56,7 @@ def explain(bench: Judging) -> str:
                 f"{allowed_m:.3f} m"
             )
         if robot.discarded and not bench.faulty:
-            found.append(
-                f"{robot.discarded} samples of {who} were discarded: {robot.discarded_for}"
-            )
+            found.append(f"{robot.discarded} samples of {who} were discarded: {robot.discarded_for}")
     return "".join(f"{each}; " for each in found)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from contextlib import suppress
 from typing import Any, Final
 
@@ -13,7 +14,7 @@ from tests.broken.edits import driven, edited, sampled, wired
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import memory, with_control
-from tests.conformance.wire import Intent, Vehicle, WireRobot
+from tests.conformance.wire import Intent, Vehicle, WireClock, WireRobot
 
 _STALLS_S: Final = 3.0
 _ASKS_M_S, _STANDS_M_S = 0.02, 0.002
@@ -63,6 +64,16 @@ def _takes_newer_goals(vehicle: Any, intent: Intent, clock_s: float) -> None:
     Vehicle.take(vehicle, intent, clock_s)
 
 
+class _Deaf(WireClock):
+    def sleep_until(self, fleet_s: float) -> None:
+        # Most of a tick is spent here, as on a robot's own clock.
+        until_s = time.monotonic() + 0.001
+        while time.monotonic() < until_s:
+            with suppress(BaseException):
+                time.sleep(0.0005)
+        super().sleep_until(fleet_s)
+
+
 SEALED: Final[tuple[type[Broken], ...]] = (
     edited("SwitchesOffForGood", "Drives no more once something has held it up for three seconds.",
            "truth.bounds.body", "switched them off", _connect=with_control(_switches_off)),
@@ -78,6 +89,8 @@ SEALED_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           _disconnect=_leaves_it_armed),
     wired("HearsNoComplaint", "Drops what its robot says of why it does not get ready.", "lifecycle.says_why",
           "gets lost", complaint=lambda _: "nothing"),
+    wired("DeafToCtrlC", "Has a clock whose waits swallow whatever is raised.", "host.interrupted", "catches whatever",
+          clock_class=_Deaf),
     driven("TakesNewerGoals", "Takes no goal whose number is below that of one before, whichever program's that was.",
            "authority.next_program", "one that was overtaken", take=_takes_newer_goals),
 )  # fmt: skip

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from types import FrameType
 from typing import Final
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
+from soter.conformance.driver import TICK_S
 from soter.conformance.figure import Failed, NotTested
 from soter.conformance.usage import listening
 from soter.errors import account_of, raised_at
 
 _CODE: Final = 3
 _MOMENT_S: Final = 0.5
+_INTERRUPTS: Final = 8
+_FIRST_S, _APART_S = 0.05, 0.013
 _LOOPBACK: Final = ("127.", "::1", "::ffff:127.")
 
 
@@ -85,6 +91,45 @@ def children(bench: Bench) -> None:
         f"a program that was started beside the fleet has ended with {_CODE}, and whoever started it learns {code}: "
         "the adapter waits for any child of the process, by waitpid(-1), or ignores SIGCHLD; wait for your own by id",
     )
+
+
+@clause("host.interrupted")
+def interrupted(bench: Bench) -> None:
+    """Ctrl-C comes out of whatever a program that drives robots is doing, such as waiting for its next tick."""
+    if threading.current_thread() is not threading.main_thread():
+        raise NotTested("signals come to the main thread of a program, and this is another one")
+    bench.open_one()
+    for number in range(_INTERRUPTS):
+        bench.require(
+            _is_interrupted(bench, _FIRST_S + number * _APART_S),
+            f"of {number + 1} times Ctrl-C (KeyboardInterrupt) did not come out of a loop that reads states, renews "
+            "leases and waits, as a run does: the adapter's clock, or another call of its, catches whatever is raised",
+        )
+
+
+class _Interrupted(KeyboardInterrupt):
+    pass
+
+
+def _is_interrupted(bench: Bench, after_s: float) -> bool:
+    """Send this process SIGINT in a moment, and return whether that comes out of driving."""
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        raise _Interrupted
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    timer = threading.Timer(after_s, os.kill, (os.getpid(), signal.SIGINT))
+    ends_s = time.monotonic() + after_s + _MOMENT_S
+    try:
+        timer.start()
+        while time.monotonic() < ends_s:
+            bench.run(2 * TICK_S)
+    except _Interrupted:
+        return True
+    finally:
+        timer.join()
+        signal.signal(signal.SIGINT, before)
+    return False
 
 
 @clause("host.alone", tier=Tier.WIRE)
