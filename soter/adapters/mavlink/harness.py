@@ -13,6 +13,7 @@ import subprocess
 import threading
 from collections.abc import Collection
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, ClassVar, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -27,7 +28,7 @@ from soter.adapters.mavlink.vehicle import ARDUROVER, EVERYBODY, kind_of
 from soter.conformance import WIDE_ROOMS, ImpairedRelay, Line, RelayedHarness
 from soter.conformance.harness import LIMITS, Harness, Killable, Switchable
 from soter.errors import RobotUnavailable
-from soter.sdk import Fleet, Waypoint
+from soter.sdk import Fleet, RobotSpec, Waypoint
 from soter.sdk.wire import describe
 
 _HOST: Final = "127.0.0.1"
@@ -37,6 +38,7 @@ _SYSTEM_AT: Final = 5
 _MESSAGE_AT: Final = slice(7, 10)
 _HEARTBEAT: Final = bytes(3)
 _MANUAL: Final = 0.0
+_ASIDE_M: Final = 0.8
 _STATION: Final = 250
 _FORCED: Final = 20190226.0
 _BOOT_S: Final = "0.5"
@@ -192,6 +194,11 @@ class MavlinkHarness(RelayedHarness):
     def refusing(self) -> tuple[Fleet, str]:
         """Return a vehicle that does not arm, since its battery is empty."""
         return self.charged(0.0), "Battery 1 is empty"
+
+    def specs(self, robots: int) -> list[RobotSpec]:
+        found = super().specs(robots)
+        # An empty battery stays so where there is no charger.
+        return [replace(each, x_m=each.x_m + _ASIDE_M) for each in found] if self._charge == 0.0 else found
 
     def stall(self, robot_id: int, seconds: float) -> None:
         """Suspend the vehicles' program for a time; afterwards the simulation catches up."""
