@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import signal
+import sysconfig
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -24,6 +25,7 @@ from soter.errors import ConfigError, nearest
 CLOSE_LIMIT_S: Final = 30.0
 """Time on the host after which closing a fleet or a harness counts as hanging."""
 
+_PYTHON: Final = sysconfig.get_path("stdlib")
 _START_S: Final = 20.0
 """How long a harness may take to start its robots."""
 
@@ -124,14 +126,19 @@ def _close(bench: Bench) -> str:
 
 
 def explain(failure: BaseException) -> str:
-    """Return an error with the place that raised it, and its cause."""
+    """Return an error with the place that raised it, or called what of Python's own did, and its cause."""
     text = f"{type(failure).__name__}: {failure}"
     frame = failure.__traceback__
-    while frame is not None and frame.tb_next is not None:
+    at = None
+    while frame is not None:
+        file = frame.tb_frame.f_code.co_filename
+        # Distributions may be installed in a folder of the standard library's.
+        if at is None or "-packages" in file or not file.startswith((_PYTHON, __file__)):
+            at = frame
         frame = frame.tb_next
-    if frame is not None:
-        code = frame.tb_frame.f_code
-        text += f" (raised in {code.co_qualname}, {code.co_filename}:{frame.tb_lineno})"
+    if at is not None:
+        code = at.tb_frame.f_code
+        text += f" (raised in {code.co_qualname}, {code.co_filename}:{at.tb_lineno})"
     cause = failure.__cause__
     return text if cause is None else f"{text}; caused by {type(cause).__name__}: {cause}"
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import resource
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.conformance import (
     CLAUSES,
     Harness,
@@ -154,6 +157,28 @@ def test_one_that_never_gets_ready_has_less_time_for_that_than_a_clause(monkeypa
     record = judge(harness, SOME)
     assert reason(record, "lifecycle.init").startswith("TimeoutError: not done after 0.2 s on the host")
     assert sum(each.host_s for each in record.outcomes) < Harness.clause_limit_s / 10
+
+
+class ClosedForEver(SimulatedHarness):
+    """Its fleets wait, as they are closed, for a thread that nobody ends."""
+
+    def open(self, robots: int) -> Fleet:
+        fleet = super().open(robots)
+        thread = threading.Thread(target=threading.Event().wait, daemon=True)
+        thread.start()
+        fleet.close = self.wait_for(thread)  # type: ignore[method-assign]
+        return fleet
+
+    @staticmethod
+    def wait_for(thread: threading.Thread) -> Callable[[], None]:
+        return lambda: thread.join()
+
+
+def test_what_hangs_is_told_by_where_the_adapter_called_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kit, "CLOSE_LIMIT_S", 0.1)
+    outcome, _ = try_clause(CLAUSES["lifecycle.init"], ClosedForEver(SimulatedRobot))
+    assert "not done after 0.1 s on the host" in outcome.reason
+    assert "raised in ClosedForEver.wait_for" in outcome.reason
 
 
 def test_a_run_that_is_stopped_has_what_there_is() -> None:
