@@ -104,7 +104,8 @@ def _mixed_up(said: Point, true: Point, off_m: float) -> str:
         ((x_m / 1000.0, y_m / 1000.0), "it is in millimetres"),
         ((x_m / 100.0, y_m / 100.0), "it is in centimetres"),
     ):
-        if math.dist(place, true) <= off_m:
+        # Near the origin all of them are about the same.
+        if math.dist(place, true) <= off_m < _SHARE * math.hypot(*true):
             return what
     return "another frame, unit or origin, or another robot's"
 
