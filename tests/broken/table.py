@@ -1,12 +1,14 @@
-"""The tables of docs/conformance.md: clauses, what measures each promise, and the broken adapters."""
+"""The tables of docs/conformance.md: hooks, clauses, what measures each promise, and the broken adapters."""
 
 from __future__ import annotations
 
+import inspect
 from functools import cache
 from types import ModuleType
 from typing import Final
 
-from soter.conformance import CLAUSES, Outcome, try_clause
+from soter.conformance import CLAUSES, HOOKS, Harness, Outcome, try_clause
+from soter.conformance.harness import EXTRA_HOOKS
 from soter.conformance.promises import MEASURED_BY
 from tests.broken import goals, in_process, lives, on_wire, samples
 from tests.broken.afterwards import AFTERWARDS, AFTERWARDS_ON_WIRE
@@ -74,6 +76,15 @@ def clause_table() -> str:
     return "\n".join(lines)
 
 
+def hook_table() -> str:
+    """Return the table of the hooks of a harness, with what each has to do."""
+    lines = ["| hook | needed | what it does |", "|---|---|---|"]
+    for name in (*HOOKS, *EXTRA_HOOKS):
+        told = " ".join((inspect.getdoc(getattr(Harness, name)) or "").partition("\n\nArgs:")[0].split())
+        lines.append(f"| `{name}`{' and `restore`' * (name == 'cut')} | {'yes' * (name in HOOKS)} | {told} |")
+    return "\n".join(lines)
+
+
 def promise_table() -> str:
     """Return the table of what measures each promise, and how sharply."""
     lines = ["| promise | measured by | how, and what fails |", "|---|---|---|"]
@@ -104,7 +115,8 @@ def survivor_table() -> str:
 
 
 TABLES: Final = {
-    "clauses": clause_table, "promises": promise_table, "broken": broken_table, "survivors": survivor_table,
+    "hooks": hook_table, "clauses": clause_table, "promises": promise_table, "broken": broken_table,
+    "survivors": survivor_table,
 }  # fmt: skip
 
 
