@@ -13,7 +13,7 @@ from soter.conformance.clauses import goals as goals
 from soter.conformance.clauses import authority as authority
 from soter.conformance.clauses import programs as programs
 from soter.conformance.clauses import deadman as deadman
-from soter.conformance.clauses import faster as faster
+from soter.conformance.clauses import leases as leases
 from soter.conformance.clauses import clocks as clocks
 from soter.conformance.clauses import several as several
 from soter.conformance.clauses import crowd as crowd
@@ -26,6 +26,7 @@ from soter.conformance.clauses import endurance as endurance
 from soter.conformance.clauses import pace as pace
 from soter.conformance.clauses import anything as anything
 from soter.conformance.clauses import link as link
+from soter.conformance.clauses import returns as returns
 from soter.conformance.clauses import disorder as disorder
 from soter.conformance.clauses import outages as outages
 from soter.conformance.clauses import process as process

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
-from soter.conformance.clauses import bounds, deadman, speeds
+from soter.conformance.clauses import bounds, leases, speeds
 from soter.conformance.figure import Failed
 from soter.sdk import Controller
 
@@ -24,7 +24,7 @@ def asked(bench: Bench) -> None:
     wanted = replace(bench.caps, **{name: _SHARE * getattr(bench.caps, name) for name in _NARROWER})
     bench.close()
     bench.opener = lambda: bench.harness.promising(wanted)
-    for check in (speeds.v_max, bounds.yaw_rate, deadman.lease):
+    for check in (speeds.v_max, bounds.yaw_rate, leases.lease):
         robot = bench.open_one()
         wider = robot.capabilities.widened_beyond(wanted)
         bench.require(

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from statistics import mean
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import CRUISE_S, fit_stop, turn
-from soter.conformance.trials import Shuttle, measure_braking
 from soter.errors import Unsupported
 from soter.sdk import Controller, Goal, Robot, Waypoint
 
-_TRIALS = 8
-_FEW = 3
 _MOVING_SHARE = 0.4
 _TURNED_RAD = 0.4
 _TURN_ENDS_S = 0.25
@@ -40,7 +36,7 @@ _WAYS: tuple[tuple[str, Callable[[Robot, Goal], object], bool], ...] = (
     ("a switch", lambda robot, _: robot.switch_ac_sc(Controller.SC, "conformance"), True),
     ("the last renewal of its lease", lambda robot, _: robot.renew_lease(), False),
 )
-_RENEWED = "; only renew_lease() and switch_ac_sc() may renew it"
+RENEWED = "; only renew_lease() and switch_ac_sc() may renew it"
 
 
 @clause("deadman.silence", truth=True)
@@ -69,59 +65,12 @@ def silence(bench: Bench) -> None:
     bench.require(
         slipped <= bench.held_m,
         f"{allowed_s:.2f} s after the last call it still moves, {slipped:.3f} m within another second: the last "
-        "set-point is repeated for ever, or a timer or thread renews the lease" + _RENEWED,
+        "set-point is repeated for ever, or a timer or thread renews the lease" + RENEWED,
     )
     allowed_m = caps.v_max_m_s * (allowed_s + caps.sample_age_s)
     bench.measure(
         "silent_run_m", rest.distance_m(before.x_m, before.y_m), allowed_m, bench.still_m, "the lease lives too long"
     )
-
-
-def _middle(seen: Sequence[float]) -> float:
-    """Return the mean of the values without the least and the largest, which may have met a busy host."""
-    return mean(sorted(seen)[1:-1] if len(seen) > _FEW else seen)
-
-
-@clause("deadman.lease", truth=True)
-def lease(bench: Bench) -> None:
-    """From the last renewal to the first deceleration no more passes than lease_s, and what a cancel takes as well."""
-    judge_lease(
-        bench, bench.open_one(),
-        "the vehicle's lease is longer than lease_s, is counted from something later than the renewal, grows where it "
-        "is renewed twice at once, or ends no motion backwards",
-    )  # fmt: skip
-
-
-def judge_lease(bench: Bench, robot: Robot, cause: str, late_s: float = 0.0) -> None:
-    """Judge how soon a robot at speed begins to stop once its lease is not renewed, and how it brakes.
-
-    Args:
-        bench: the clause's bench.
-        robot: the robot, ready.
-        cause: the likely cause if its lease is longer than it promises.
-        late_s: how much later than usual the moments of its samples may be.
-    """
-    caps = bench.caps
-    shuttle, many = Shuttle(bench, robot), _FEW if bench.judged > 1 or bench.opener else bench.trials(_TRIALS)
-    told = [trial.end.begins_s for trial in shuttle.trials(many, lambda goal: goal.cancel())]
-    stops = [
-        *shuttle.trials(
-            many, lambda _: robot.renew_lease(), waits_s=caps.lease_s, renew=False,
-            cause="the lease never ends, or renewals add up",
-        )
-    ]  # fmt: skip
-    seen = [trial.end.begins_s for trial in stops]
-    cause = f"{cause}{_RENEWED}"
-    # Trials begin at any phase of the vehicle's period, by which two such means may differ.
-    phase_s = 0.0 if caps.in_process else caps.setpoint_period_s * 0.9 / math.sqrt(many)
-    # Both means contain the time of a message and the vehicle's period.
-    bench.measure(
-        "lease_s", _middle(seen) - max(_middle(told), 0.0), caps.lease_s,
-        bench.read_s + bench.fit_s + phase_s + late_s, cause, spread=seen,
-    )  # fmt: skip
-    most_s = caps.lease_s + caps.latency_s + caps.jitter_s
-    bench.measure("lease_worst_s", max(seen), most_s, bench.fit_s + late_s, cause)
-    measure_braking(bench, stops, "when its lease ends")
 
 
 @clause("deadman.first")
@@ -140,7 +89,7 @@ def first(bench: Bench) -> None:
     bench.require(
         moved_m <= bench.still_m + bench.caps.position_noise_m,
         f"it went {moved_m:.2f} m before its lease was renewed for the first time: there is none until then, or init() "
-        f"or goto() renews it{_RENEWED}",
+        f"or goto() renews it{RENEWED}",
     )
 
 
@@ -179,7 +128,7 @@ def reading(bench: Bench) -> None:
     """Reading the state does not renew the lease."""
     robot = bench.open_one()
     for ahead, cap_m_s, cause in (
-        (0.9, None, "read_state() renews the lease" + _RENEWED),
+        (0.9, None, "read_state() renews the lease" + RENEWED),
         (-0.9, _SLOW * bench.caps.v_max_m_s, "the lease does not count at a low speed, or the second time"),
     ):
         bench.get_going(robot, bench.place(robot, ahead)._replace(speed_m_s=cap_m_s))
@@ -202,7 +151,7 @@ def _renews_nothing(bench: Bench, robot: Robot, call: Callable[[], object], what
     bench.require(
         slipped <= bench.held_m,
         f"{allowed_s:.2f} s after the last renewal it still moves while {what}, {slipped:.3f} m within half a second: "
-        f"what is no renewal renews the lease{_RENEWED}",
+        f"what is no renewal renews the lease{RENEWED}",
     )
 
 
@@ -265,7 +214,7 @@ def _see_lease_end(bench: Bench, robot: Robot, old: Controller, to: Controller, 
         bench.measure(
             "lease_handed_s", end.begins_s, caps.lease_s + caps.latency_s + caps.jitter_s, bench.fit_s,
             f"after a hand-over to the {to}, and a goto, the lease is longer than otherwise: the new controller is "
-            f"given time to begin{_RENEWED}",
+            f"given time to begin{RENEWED}",
         )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from itertools import cycle
 
 from soter.conformance.bench import Bench
 from soter.conformance.clause import clause
-from soter.conformance.clauses import deadman, goals, samples, state
+from soter.conformance.clauses import goals, leases, samples, state
 from soter.conformance.driver import TICK_S
 from soter.conformance.figure import NotTested
 from soter.conformance.track import TrackSample, quantile
@@ -182,7 +182,7 @@ def second(bench: Bench) -> None:
     """What holds of the first robot holds of the second."""
     bench.judged = 2
     starts = [state.start] if bench.harness.starts_robots else []
-    for check in (*starts, state.frame, state.velocity, state.yaw_rate, samples.age, goals.cancel, deadman.lease):
+    for check in (*starts, state.frame, state.velocity, state.yaw_rate, samples.age, goals.cancel, leases.lease):
         check(bench)
         bench.close()
 
