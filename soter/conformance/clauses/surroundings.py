@@ -102,8 +102,8 @@ def interrupted(bench: Bench) -> None:
     for number in range(_INTERRUPTS):
         bench.require(
             _is_interrupted(bench, _FIRST_S + number * _APART_S),
-            f"of {number + 1} times Ctrl-C (KeyboardInterrupt) did not come out of a loop that reads states, renews "
-            "leases and waits, as a run does: the adapter's clock, or another call of its, catches whatever is raised",
+            f"Ctrl-C number {number + 1} (KeyboardInterrupt) got lost in a loop that reads states, renews leases and "
+            "waits, as a run does: the adapter's clock, or another call of its, catches whatever is raised",
         )
 
 
