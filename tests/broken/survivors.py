@@ -155,6 +155,15 @@ SURVIVORS: Final = (
         "mission is armed; or a dead program's target lives on. Give the hooks.",
     ),
     Survivor(
+        "Takes a robot from its pilot as it is closed, or leaves it armed after an outage; loses what a robot says "
+        "of why it does not get ready; or counts leases by the host's time in a run that goes faster; behind a "
+        "harness without the hooks `by_hand`, `shown`, `refusing` and `faster`.",
+        "The clauses `authority.left`, `link.left_as_ever`, `lifecycle.says_why` and `deadman.faster` are NOT "
+        "TESTED then.",
+        "Somebody flies a vehicle that is disarmed, or goes up to one that is armed; or a lease lives longer than "
+        "lease_s where a run is faster than real time. Give the hooks.",
+    ),
+    Survivor(
         "Shares what it knows among all fleets of a process, behind a harness without the hook `another`; or keeps a "
         "program of its own busy, which is not the one that imports it.",
         "No clause opens two fleets otherwise, and the time of programs that were started is not counted: simulated "
