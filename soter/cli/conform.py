@@ -27,6 +27,7 @@ Exit codes:
   0  the adapter conforms, or passes the clauses that were selected
   1  it does not conform
   2  bad input, or a backend that cannot be used here
+  3  a file could not be written
   130  interrupted (in general 128 and the number of the signal); files hold what there was by then
 """
 

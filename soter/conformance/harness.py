@@ -100,7 +100,7 @@ class Harness(ABC):
     """Opens the robots of one backend for the kit.
 
     Only `open` and `close` must be written. The other methods are optional hooks; the clauses that need one that is
-    not given are NOT TESTED, and a backend that is not in process conforms only if all of them are.
+    not given are NOT TESTED, and a backend that is not in process conforms only if all those of `HOOKS` are given.
 
     The kit opens up to `robots_most` robots, one fleet at a time, and calls `close` after every clause. It drives
     robots only inside their free rooms.

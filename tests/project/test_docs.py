@@ -154,7 +154,7 @@ def test_short_forms_are_spelled_out_where_they_first_appear(page: Path) -> None
     if page in {ROOT / "CHANGELOG.md", ROOT / "docs" / "ablation.md"}:
         return  # no page to begin with; written by `soter ablate`
     text = prose(page)
-    for short, words in (("AC", "advanced controller"), ("SC", "safe controller"), ("DM", "decision module")):
+    for short, words in (("AC", r"advanced\scontroller"), ("SC", r"safe\scontroller"), ("DM", r"decision\smodule")):
         first = re.search(rf"(?<![\w`-]){short}s?\b(?![`(])", text)
         said = rf"{words}s?[*_]*\s\({short}s?\)|^{short}, {words}$"
         spelled = re.search(said, text, re.MULTILINE | re.IGNORECASE)
