@@ -57,9 +57,9 @@ class ImpairedRelay:
             return
         messages = [message] * (2 if chance() < self.duplicate else 1)
         if chance() < self.garble:
-            # Another program's, one that was cut off, or none at all.
+            # Another program's, one that was cut off, none at all, or one that its checksum shows to be damaged.
             noise, cut_off = self._random.randbytes(len(message)), message[: len(message) // 2]
-            messages.append(self._random.choice((noise, cut_off, b"")))
+            messages.append(self._random.choice((noise, cut_off, b"", *self.damaged(message))))
         if chance() < self.reorder and line.held is None:
             line.held = message
             return
@@ -67,6 +67,10 @@ class ImpairedRelay:
             messages.append(line.held)
             line.held = None
         self._send(line, messages)
+
+    def damaged(self, message: bytes) -> tuple[bytes, ...]:
+        """Return a message as it is when it was damaged on the way; nothing where messages carry no checksum."""
+        return ()
 
     def say(self, line: Line, message: bytes, times: int = 1, every_s: float = 0.0, *, after_s: float = 0.0) -> None:
         """Deliver a message that nobody has sent, unimpaired, so many times, the first after a time; return at once."""

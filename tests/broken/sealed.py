@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -56,6 +57,11 @@ def _leaves_it_armed(robot: Any, timeout_s: float) -> None:
     robot.vehicle.mode = "armed" if _was_cut(robot)[0] else "disarmed"
 
 
+def _without_controller(robot: Any) -> RobotState | None:
+    sample = WireRobot._sample(robot)
+    return None if sample is None else sample._replace(controller=None)
+
+
 def _takes_newer_goals(vehicle: Any, intent: Intent, clock_s: float) -> None:
     newest = memory(vehicle, "newest", lambda: [0])
     if intent.goal is not None and intent.goal.id < newest[0]:
@@ -89,6 +95,9 @@ SEALED_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
           _disconnect=_leaves_it_armed),
     wired("HearsNoComplaint", "Drops what its robot says of why it does not get ready.", "lifecycle.says_why",
           "gets lost", complaint=lambda _: "nothing"),
+    wired("SaysNothingOfThePilot", "Says nowhere that a person has its robot, and not who is in charge either.",
+          "authority.seized", "nobody learns", declared=replace(WireRobot.declared, reports_controller=False),
+          _sample=_without_controller),
     wired("DeafToCtrlC", "Has a clock whose waits swallow whatever is raised.", "host.interrupted", "catches whatever",
           clock_class=_Deaf),
     driven("TakesNewerGoals", "Takes no goal whose number is below that of one before, whichever program's that was.",

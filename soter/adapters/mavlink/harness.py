@@ -80,6 +80,10 @@ class MavlinkRelay(ImpairedRelay):
         self._vehicles.close()
         self._adapter.close()
 
+    def damaged(self, message: bytes) -> tuple[bytes, ...]:
+        # The last byte is of the checksum, or of the signature behind it.
+        return (message[:-1] + bytes([message[-1] ^ 0xFF]),)
+
     def tell(self, message: mav.MAVLink_message, system: int) -> None:
         """Send the vehicles a message as if it came from the keeper of a ground station."""
         self._tell(message.pack(mav.MAVLink(None, system, KEEPER)))

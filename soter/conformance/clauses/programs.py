@@ -11,7 +11,7 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.driver import TICK_S
 from soter.conformance.track import turn
-from soter.errors import Intruder, SoterError
+from soter.errors import Intruder, SoterError, Uncontrolled
 from soter.sdk import Controller, Link, Robot
 
 _MANY_TIMES = 25
@@ -145,6 +145,16 @@ def _see_it_left_alone(bench: Bench, take: Callable[[int], None], done: str) -> 
     bench.faulty = True
     take(robot.id)
     bench.run(bench.orphaned_s() + 1.0)
+    refused = False
+    try:
+        robot.renew_lease()
+    except Uncontrolled:
+        refused = True
+    bench.require(
+        refused or bench.caps.reports_controller,
+        f"a person {done}, and renew_lease() raises no Uncontrolled, though samples do not say who is in charge: "
+        "nobody learns that the robot is not SOTER's any more, and it drives on at once when it is given back",
+    )
     # A goal in force, and one that is new.
     for _ in range(2):
         before = bench.true_place(robot)
