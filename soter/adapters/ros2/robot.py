@@ -75,7 +75,7 @@ class Ros2Robot(VelocityControlledRobot):
         clock = self.clock
         until_s = clock.steady_s() + timeout_s
         battery = bool(self._config.topics.battery)
-        if not wait_for(lambda: self._all_heard(battery=battery), min(timeout_s, self._config.discovery_s)):
+        if not self._discover(min(timeout_s, self._config.discovery_s), battery=battery):
             raise RobotUnavailable(f"robot {self.id} at {self.node.get_namespace()}: {self._missing()}")
         self._refuse_others(until_s - clock.steady_s())
         if not self._settle(until_s - clock.steady_s()):

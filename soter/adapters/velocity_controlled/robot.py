@@ -41,6 +41,7 @@ _REACTION_S: Final = 0.03
 _BLIND_S: Final = 0.3
 
 _LOOK_S: Final = 0.005
+_ASK_S: Final = 0.25
 _REPEAT_S: Final = 0.05
 _LOST_S: Final = 1.0
 _GAP_S: Final = 0.25
@@ -295,6 +296,16 @@ class VelocityControlledRobot(Robot):
         if self._unanswered_s is None:
             self._unanswered_s = 0.0
         self._send_order(order.encode())
+
+    def _discover(self, timeout_s: float, *, battery: bool) -> bool:
+        """Wait until every kind of the robot's messages has been heard; return whether all come in time."""
+        until_s = self.clock.steady_s() + timeout_s
+        while self.clock.steady_s() < until_s:
+            # Without a lease, so that nothing moves. A ROS mux whose last report got lost reports only after an order.
+            self._say()
+            if wait_for(lambda: self._all_heard(battery=battery), min(_ASK_S, until_s - self.clock.steady_s())):
+                return True
+        return False
 
     def _all_heard(self, *, battery: bool) -> bool:
         """Return whether the clock is known well enough and the mux has reported, and the battery if required."""

@@ -20,7 +20,6 @@ from soter.sdk.wire import WireBackend
 if TYPE_CHECKING:
     import zenoh
 
-_ASK_S: Final = 0.25
 _LISTEN_S: Final = 0.5
 """How long to listen for other programs that drive a robot, before it is taken."""
 
@@ -49,7 +48,7 @@ class ZenohRobot(VelocityControlledRobot):
     def _connect(self, timeout_s: float) -> Capabilities:
         clock, wire = self.clock, self.wire
         until_s = clock.steady_s() + timeout_s
-        if not self._discover(min(timeout_s, self._config.discovery_s)):
+        if not self._discover(min(timeout_s, self._config.discovery_s), battery=bool(wire.keys.battery)):
             raise self._unavailable(self._missing())
         # The mux reports the end of another program's lease a little late.
         if not wait_for(lambda: not self._follows_another(), _LISTEN_S):
@@ -64,16 +63,6 @@ class ZenohRobot(VelocityControlledRobot):
             )
         wire.watch(self._take_intruder)
         return replace(self.declared, reports_battery=bool(wire.keys.battery))
-
-    def _discover(self, timeout_s: float) -> bool:
-        """Wait until every kind of the robot's messages has been heard; return whether all come in time."""
-        until_s, battery = self.clock.steady_s() + timeout_s, bool(self.wire.keys.battery)
-        while self.clock.steady_s() < until_s:
-            # Without a lease, so that nothing moves. A ROS mux behind a bridge reports only after an order.
-            self._say()
-            if wait_for(lambda: self._all_heard(battery=battery), min(_ASK_S, until_s - self.clock.steady_s())):
-                return True
-        return False
 
     def _missing(self) -> str:
         """Return which messages were not heard, and likely causes."""
