@@ -23,8 +23,8 @@ from soter.errors import account_of, raised_at
 
 _CODE: Final = 3
 _MOMENT_S: Final = 0.5
-_INTERRUPTS: Final = 8
-_FIRST_S, _APART_S = 0.05, 0.013
+_INTERRUPTS: Final = 6
+_FIRST_S, _APART_S = 0.03, 0.013
 _LOOPBACK: Final = ("127.", "::1", "::ffff:127.")
 
 
