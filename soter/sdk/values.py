@@ -141,9 +141,14 @@ class RobotState(NamedTuple):
     vz_m_s: float | None = None
 
     def in_floats(self) -> RobotState:
-        """Return the same sample with Python floats; recordings cannot take other numbers, such as NumPy's."""
+        """Return the same sample with Python floats; recordings cannot take other numbers, such as NumPy's.
+
+        Raises:
+            TypeError: what should be a number is none.
+        """
         numbers = ((name, getattr(self, name)) for name in _FLOATS)
-        plain: dict[str, Any] = {name: float(value) for name, value in numbers if value is not None}
+        # `float` alone would take text for a number.
+        plain: dict[str, Any] = {name: float(value + 0.0) for name, value in numbers if value is not None}
         return self._replace(**plain)
 
     def age_s(self, now_s: float) -> float:

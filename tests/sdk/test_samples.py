@@ -121,3 +121,12 @@ def test_samples_hold_plain_floats_whatever_an_adapter_hands_out(name: str, numb
     assert getattr(state, name) == 1.0
     assert msgspec.json.decode(msgspec.json.encode(state))[state._fields.index(name)] == 1.0
     assert robot.discarded == 0
+
+
+@pytest.mark.parametrize("name", ["vehicle_stamp_s", "battery", "vz_m_s", "x_m"])
+def test_text_is_no_number(name: str) -> None:
+    robot = ready_robot()
+    assert robot.sample is not None
+    robot.sample = robot.sample._replace(**{name: "0.5"})  # type: ignore[arg-type]
+    with pytest.raises(TypeError):
+        robot.read_state()
