@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, Final
 
 from soter.adapters.pybullet.backend import SimulatedRobot
 from soter.sdk import Controller, Goal
+from soter_sim import LIMITS
 from tests.broken.afterwards import State
-from tests.broken.edits import driven, edited
+from tests.broken.edits import driven, edited, sampled
 from tests.broken.in_process import Broken
 from tests.broken.on_wire import BrokenWire
 from tests.broken.parts import memory, with_control
@@ -20,6 +22,7 @@ _ROUNDING: Final = 1e-6
 _GRACE_S: Final = 0.5
 _BOUNCES_S: Final = 0.3
 _STRIKES: Final = 3
+_ONE_MAH: Final = 0.0004
 
 
 def _planned(robot: Any, goal: Goal | None, now_s: float, speed_m_s: float) -> Goal | None:
@@ -95,6 +98,16 @@ def _keeps_its_task(robot: Any, left: float, right: float, brake: float, alive: 
     robot._mux.command = kept
 
 
+def _forgets_its_speed(robot: Any, left: float, right: float, brake: float, alive: bool) -> None:
+    """Have the top speed of its kind once the motors are on again, in its drive and in the motors themselves."""
+    SimulatedRobot.impair(robot, left, right, brake, alive)
+    if alive:
+        engine, at = robot._world.engine, robot._index
+        robot._drive_with(replace(robot._world.bodies.limits[at], v_max_m_s=LIMITS.v_max_m_s))
+        index, _, *rest = engine._each[at]
+        vars(engine)["_each"] = (*engine._each[:at], (index, LIMITS.v_max_m_s, *rest), *engine._each[at + 1 :])
+
+
 def _stops_seldom(robot: Any) -> None:
     stopped, now_s = memory(robot, "stopped", lambda: [-math.inf]), robot._world.now_s
     if now_s - stopped[0] >= _BOUNCES_S:
@@ -130,6 +143,11 @@ UNASKED: Final[tuple[type[Broken], ...]] = (
            _hand_over=_says_it_all_again),
     edited("KeepsItsTask", "Keeps its goal when its motors are switched off and on.", "deadman.off_and_on",
            "outlives the power", impair=_keeps_its_task),
+    edited("SpeedLostWithThePower", "Goes as fast as its kind, whatever it was asked for, once its motors were off.",
+           "truth.capabilities.asked", "lost with the power", impair=_forgets_its_speed),
+    sampled("ChargeBelowNothing", "Counts what is left of its charge in a number that has no sign, and goes below 0.",
+            "state.emptying", "goes below 0",
+            lambda _, state: state._replace(battery=24.3) if (state.battery or 0.0) < _ONE_MAH else state),
     edited("BouncingStops", "Takes a stop within 0.3 s of the last one for its repetition.", "goal.cancel_early",
            "repetition of the cancel", _halt=_stops_seldom),
     edited("LatchesAFault", "Stands for ever once its lease has ended three times on its way.", "deadman.lease",

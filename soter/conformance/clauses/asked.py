@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from soter.conformance.bench import Bench
+from soter.conformance.bench import TICK_S, Bench
 from soter.conformance.clause import Tier, clause
-from soter.conformance.clauses import bounds, leases, speeds
+from soter.conformance.clauses import bounds, clocks, leases, speeds
 from soter.conformance.figure import Failed
-from soter.sdk import Controller
+from soter.sdk import Capabilities, Controller
 
 _NARROWER = ("v_max_m_s", "yaw_rate_max_rad_s", "lease_s")
 _SHARE = 0.75
@@ -41,6 +41,7 @@ def asked(bench: Bench) -> None:
                 f"asked to promise less, it keeps to what its kind declares, or rounds what it was asked for: {failure}"
             ) from failure
         bench.close()
+    _keeps_it_with_the_power(bench, wanted)
     if bench.harness.robots_most >= _TWO:
         bench.opener = lambda: bench.harness.promising(wanted, _TWO)
         robots = bench.open(_TWO)
@@ -67,3 +68,29 @@ def asked(bench: Bench) -> None:
             f"robot {robot.id}, whose brakes are weaker than those of robot {robots[0].id}, brakes as late for its "
             "target: what one can do counts for all",
         )  # fmt: skip
+
+
+def _keeps_it_with_the_power(bench: Bench, wanted: Capabilities) -> None:
+    """Fail the clause if a robot that has been off and on goes as fast as its kind, where it was asked for less."""
+    robot = bench.open_one()
+    impair = getattr(robot, "impair", None) if bench.caps.in_process else None
+    if bench.harness.gives("restart"):
+        bench.faulty = True
+        bench.harness.restart(robot.id)
+        bench.run(clocks.LEARNS_S)
+    elif impair is not None:
+        for alive in (False, True):
+            impair(1.0, 1.0, 1.0, alive)
+            bench.run(bench.caps.latency_s + 2 * TICK_S)
+    else:
+        return
+    for to in (Controller.SC, Controller.AC):
+        robot.switch_ac_sc(to, "conformance")
+        bench.run(bench.caps.latency_s + 2 * TICK_S)
+    bench.go(robot, bench.place(robot, 0.9))
+    fastest, off = bench.fastest(robot)
+    bench.measure(
+        "asked_m_s", fastest.speed_m_s, wanted.v_max_m_s, off * wanted.v_max_m_s + bench.speed_noise_m_s,
+        "what it was asked for is lost with the power: off and on again, it goes as fast as its kind",
+    )  # fmt: skip
+    bench.close()

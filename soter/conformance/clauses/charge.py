@@ -219,6 +219,8 @@ def emptying(bench: Bench) -> None:
     """While its battery runs down from full a robot says so, and gets going and stops as soon as ever."""
     bench.require_hook("charged")
     late, tried = _late_at(bench, 1.0, _PERCENT)
+    _runs_flat(bench)
+    bench.close()
     bench.require(
         len(late) <= _NOW_AND_THEN * tried,
         f"in {len(late)} of {tried} times that it is sent off and stopped it gets going or stops late or not at all, "
@@ -226,8 +228,10 @@ def emptying(bench: Bench) -> None:
     )
     if not bench.caps.in_process:
         # Commands that were late only because the host was busy are in time when that charge is met again.
-        again = [_late_at(bench, min(at + _AROUND, 1.0), max(at - _AROUND, _PERCENT))[0] for at in late[:_TWICE]]
-        late = [at for each in again for at in each]
+        once, late = late[:_TWICE], []
+        for at in once:
+            late += _late_at(bench, min(at + _AROUND, 1.0), max(at - _AROUND, _PERCENT))[0]
+            bench.close()
     bench.require(
         not late,
         f"at a charge of {max(late, default=0.0):.3f} it gets going or stops late or not at all, and not so at others: "
@@ -261,8 +265,19 @@ def _late_at(bench: Bench, full: float, least: float) -> tuple[list[float], int]
             late.append(left)
             bench.run(ends_s, rests)
     compare.judge()
-    bench.close()
     return late, tried
+
+
+def _runs_flat(bench: Bench) -> None:
+    """Fail the clause unless a robot with next to no charge left goes on to say how it is while the rest is used up."""
+    bench.run(_TWICE * _PERCENT * _EMPTIES_S + _SELDOM_S)
+    robot = bench.fleet.robots[0]
+    state = robot.read_state()
+    bench.require(
+        robot.discarded == 0 and state.link is Link.UP and _charge(state) <= _PERCENT,
+        f"its battery is flat, and its link is {state.link.value}, the charge that it says {_charge(state):.3f}: what "
+        "counts the charge goes below 0 and begins anew at the other end, or it says nothing any more",
+    )
 
 
 def _says_that_it_is_flat(bench: Bench) -> None:

@@ -14,7 +14,7 @@ from soter.conformance.figure import NotTested
 from soter.conformance.track import TURNING_RAD_S, turn
 from soter.sdk import Controller, Link, Robot, RobotState
 
-_LEARNS_S = 3.0
+LEARNS_S = 3.0
 _BEGINS_ANEW_S = 0.5
 _STEP_AGE_S = 0.1
 _CHARGE = 0.02
@@ -97,13 +97,13 @@ def _see_it_wrap(bench: Bench, robot: Robot, every_s: float, what: str) -> None:
     room_m, gains_s = bench.harness.room_m, bench.gains_s
     even_s = min(0.25 * room_m / caps.v_max_m_s, 0.4 * room_m / caps.v_max_m_s - 0.5 * gains_s)
     leg_s = even_s + gains_s
-    soon_s = _LEARNS_S + 2.0 * leg_s
+    soon_s = LEARNS_S + 2.0 * leg_s
     state, wraps_s = robot.read_state(), 0.0
     if not caps.in_process:
         shown_s, wraps_s = state.vehicle_stamp_s + soon_s, state.stamp_s + soon_s
         bench.faulty = True
         bench.harness.step_clock(robot.id, math.ceil(shown_s / every_s) * every_s - shown_s)
-        bench.run(_LEARNS_S)
+        bench.run(LEARNS_S)
     heard = robot.read_state().link is Link.UP
     bench.go(robot, bench.place(robot, 0.0), cause="" if caps.in_process else _SET_FORWARD[heard])
     if caps.in_process:
@@ -165,9 +165,9 @@ def clock_steps(bench: Bench) -> None:
         bench.faulty = True
         before, began_s = robot.read_state().battery, bench.now_s
         bench.harness.step_clock(robot.id, seconds)
-        bench.run(_LEARNS_S)
+        bench.run(LEARNS_S)
         charges = [each.state.battery for each in bench.since(robot, began_s) if each.state.battery is not None]
-        most = _CHARGE + _LEARNS_S / min(robot.spec.drive_s, robot.spec.charge_s)
+        most = _CHARGE + LEARNS_S / min(robot.spec.drive_s, robot.spec.charge_s)
         said = max(charges, key=lambda each: abs(each - (before or 0.0)), default=before)
         bench.require(
             before is None or said is None or abs(said - before) <= most,
@@ -177,7 +177,7 @@ def clock_steps(bench: Bench) -> None:
         age_s = robot.read_state().age_s(bench.now_s)
         bench.require(
             age_s <= bench.caps.sample_age_s + _STEP_AGE_S,
-            f"{_LEARNS_S:.0f} s after the vehicle's clock stepped by {seconds:+g} s the sample is said to be "
+            f"{LEARNS_S:.0f} s after the vehicle's clock stepped by {seconds:+g} s the sample is said to be "
             f"{age_s:.2f} s old: a clock that goes another way, if only a little, has to be learned anew",
         )
         bench.go(
@@ -198,7 +198,7 @@ def restart(bench: Bench) -> None:
         bench.harness.restart(robot.id)
 
     robot = _silent_after(bench, start_anew, "the vehicle has restarted")
-    bench.run(_LEARNS_S)
+    bench.run(LEARNS_S)
     before, now = said[0].battery, robot.read_state()
     _has_restarted(bench, said[0], now)
     rises = (now.stamp_s - said[0].stamp_s) / robot.spec.charge_s
@@ -242,7 +242,7 @@ def _keeps_its_heading(bench: Bench, robot: Robot) -> None:
     bench.harness.restart(robot.id)
     # An adapter may say its goal again to a robot that is back: it would turn on while its heading is compared.
     goal.cancel()
-    bench.run(_LEARNS_S)
+    bench.run(LEARNS_S)
     off_rad = [bench.heading_off_rad(robot)]
     bench.run(_DRIFTS_S)
     off_rad.append(bench.heading_off_rad(robot))
@@ -274,7 +274,7 @@ def _has_restarted(bench: Bench, before: RobotState, now: RobotState) -> None:
     )
     bench.require(
         not is_late,
-        f"{_LEARNS_S:.0f} s after the restart the sample is said to be {age_s:.1f} s old: the vehicle's clock has "
+        f"{LEARNS_S:.0f} s after the restart the sample is said to be {age_s:.1f} s old: the vehicle's clock has "
         "begun anew, and what it stamps is dropped as older than what came before, or dated by the old clock, which it "
         "still has the name of; or the vehicle takes whatever it is told for older than what it was told before",
     )
@@ -301,7 +301,7 @@ def _costs_the_other_nothing(bench: Bench) -> None:
         bench.get_going(kept, bench.place(kept, 0.9))
         began_s = bench.now_s
         bench.harness.restart(anew.id)
-        bench.run(min(_LEARNS_S, 0.25 * bench.harness.room_m / bench.caps.v_max_m_s))
+        bench.run(min(LEARNS_S, 0.25 * bench.harness.room_m / bench.caps.v_max_m_s))
         seen = bench.since(kept, began_s)
         slow = sum(each.speed_m_s < _EVEN * bench.caps.v_max_m_s for each in seen) / max(len(seen), 1)
         bench.require(
@@ -310,7 +310,7 @@ def _costs_the_other_nothing(bench: Bench) -> None:
             "of one, such as that it has to be made ready again, counts for all",
         )
         bench.go(kept, bench.place(kept, 0.0))
-        bench.run(_LEARNS_S)
+        bench.run(LEARNS_S)
 
 
 @clause("deadman.off_and_on")
@@ -354,7 +354,7 @@ def late(bench: Bench) -> None:
     if bench.harness.gives("restart"):
         before = robot.read_state()
         bench.harness.restart(robot.id)
-        bench.run(_LEARNS_S)
+        bench.run(LEARNS_S)
         _has_restarted(bench, before, robot.read_state())
         for to in (Controller.SC, Controller.AC):
             robot.switch_ac_sc(to, "conformance")
