@@ -28,9 +28,10 @@ from soter.geometry.grid import GridMap
 from soter.geometry.workspace import Point
 
 EXACT_CELLS: Final = 40.0
+_floor, _sqrt = math.floor, math.sqrt
 _HALF: Final = math.sqrt(0.5)
 _DIAGONAL: Final = math.sqrt(2.0)
-_BLOCK: Final = 8
+_BLOCK: Final = 16
 """Side in cells of the blocks for which candidates are computed first, before those of each cell."""
 
 _LOOK: Final = 4
@@ -39,7 +40,7 @@ _LOOK: Final = 4
 _MOST: Final = 200_000
 """Most cells that are cached; after that the cache is cleared."""
 
-_MOST_BLOCKS: Final = 4000
+_MOST_BLOCKS: Final = 1000
 _PARTS: Final = (64, 8, 1)
 """Lengths in cells of the parts of lines that are tested; parts that may come too near are divided further."""
 
@@ -100,7 +101,7 @@ class Field(Pieces):
         self._columns, self._rows = grid.columns, grid.rows
         self._cos: Final = math.cos(grid.yaw_rad) / grid.cell_m
         self._sin: Final = math.sin(grid.yaw_rad) / grid.cell_m
-        self._known: dict[int, Near] = {}
+        self._known: dict[tuple[int, int], Near] = {}
         self._blocks: dict[tuple[int, int], _Block] = {}
         self._looked: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
 
@@ -213,34 +214,32 @@ class Field(Pieces):
 
     def _away(self, u: float, v: float) -> float:
         """Return the distance from a place of the map to the nearest occupied cell, in cells."""
-        columns, rows, beyond = self._columns, self._rows, 0.0
-        if not (0.0 <= u <= columns and 0.0 <= v <= rows):
-            # Nothing outside is occupied: combine the distance from the nearest place in the map with the way there.
-            inside_u, inside_v = min(max(u, 0.0), columns), min(max(v, 0.0), rows)
-            beyond = math.hypot(u - inside_u, v - inside_v)
-            u, v = inside_u, inside_v
-        column, row = int(u), int(v)
-        if column == columns:
-            column -= 1
-        if row == rows:
-            row -= 1
-        found = self._known.get(row * columns + column) or self._near(column, row)
-        if found is _OCCUPIED:
-            depth = min(u - column, column + 1 - u, v - row, row + 1 - v)
-            return beyond or -depth
-        _, ways, far = found
+        column, row = _floor(u), _floor(v)
+        try:
+            _, ways, far = self._known[column, row]
+        except KeyError:
+            if not (0 <= column < self._columns and 0 <= row < self._rows):
+                return self._away_outside(u, v)
+            _, ways, far = self._near(column, row)
         square = math.inf
         for sign_u, offset_u, sign_v, offset_v in ways:
             du, dv = sign_u * u + offset_u, sign_v * v + offset_v
             one = du * du + dv * dv
             if one < square:
                 square = one
-        least = math.sqrt(square)
         if far is not None:
             s, t = u - column, v - row
             between = (far[0] * (1.0 - s) + far[1] * s) * (1.0 - t) + (far[2] * (1.0 - s) + far[3] * s) * t
-            least = min(least, EXACT_CELLS) + max(0.0, between - _HALF - EXACT_CELLS) * _HALF
-        return math.hypot(least, beyond) if beyond else least
+            return min(_sqrt(square), EXACT_CELLS) + max(0.0, between - _HALF - EXACT_CELLS) * _HALF
+        return _sqrt(square) if ways else -min(u - column, column + 1 - u, v - row, row + 1 - v)
+
+    def _away_outside(self, u: float, v: float) -> float:
+        """Return the distance from a place outside the map; nothing there is occupied."""
+        # The place is at the upper edge of the last cells, or it is outside. The nearest one inside is in a cell.
+        inside_u = min(max(u, 0.0), math.nextafter(self._columns, 0.0))
+        inside_v = min(max(v, 0.0), math.nextafter(self._rows, 0.0))
+        beyond = math.hypot(u - inside_u, v - inside_v)
+        return math.hypot(max(self._away(inside_u, inside_v), 0.0), beyond)
 
     def _surely(self, u: float, v: float) -> float:
         """Return a lower bound of `_away`, from the cell corner that is nearest to the place."""
@@ -315,12 +314,11 @@ class Field(Pieces):
 
     def _near(self, column: int, row: int) -> Near:
         """Return what may be nearest to a place in a cell; cached."""
-        key = row * self.grid.columns + column
-        found = self._known.get(key)
+        found = self._known.get((column, row))
         if found is None:
             if len(self._known) >= _MOST:
                 self._known.clear()
-            found = self._known[key] = self._candidates(column, row)
+            found = self._known[column, row] = self._candidates(column, row)
         return found
 
     def _candidates(self, column: int, row: int) -> Near:

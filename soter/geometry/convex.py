@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soter.geometry.edges import Edge, Edges, Floats, Indices
+from soter.geometry.nearest import Nearest, Part, part_of
 from soter.geometry.workspace import Point, Ring
 
 _FEW: Final = 3
-_floor, _sqrt = math.floor, math.sqrt
 _SEVERAL: Final = 16
 _MANY: Final = 32
 """Number of edges above which they are tested as arrays, and not filtered one by one."""
@@ -35,9 +35,6 @@ _WIDER: Final = 4
 
 _TOP: Final = 8
 """The level of the widest cells, 33 km for the smallest ones; they choose from all pieces."""
-
-_MOST: Final = 200_000
-"""Most parts of cells that are cached; after that the cache is cleared."""
 
 
 class Piece:
@@ -131,13 +128,6 @@ Near = tuple[tuple[Edge, ...], tuple[Piece, ...]]
 """Candidates for the nearest: edges of pieces that a cell lies outside of, and other pieces."""
 
 
-Line = tuple[float, float, float, float]
-"""A place and a direction."""
-
-Part = tuple[Line | None, tuple[Edge, ...], tuple[Piece, ...]]
-"""Candidates for the nearest to a point of a part of a cell; first the line, if they are one edge straight across."""
-
-
 class _Chosen(NamedTuple):
     """Candidates for the nearest to a point of a cell: the pieces' indices, and their edges."""
 
@@ -176,16 +166,7 @@ def _ever_nearest(edges: tuple[Edge, ...], x_m: float, y_m: float, half_m: float
     return tuple(edge for away, hx, hy, edge in seen if away - half_m * (abs(hx - gx) + abs(hy - gy)) <= reach_m)
 
 
-def _across(edges: tuple[Edge, ...], x_m: float, y_m: float, half_m: float) -> Line | None:
-    """Return the line of the only edge if every point of a square is straight across it, not past one of its ends."""
-    if len(edges) != 1:
-        return None
-    ax, ay, ux, uy, length = edges[0]
-    along, wide = ux * (x_m - ax) + uy * (y_m - ay), half_m * (abs(ux) + abs(uy)) + 1e-9
-    return (ax, ay, ux, uy) if wide < along < length - wide else None
-
-
-class Pieces:
+class Pieces(Nearest):
     """A fixed set of convex polygons.
 
     Near pieces are looked up in cells, each of which is computed on first use and cached; so the cost of a query
@@ -198,8 +179,8 @@ class Pieces:
 
     def __init__(self, rings: Sequence[Ring], cell_m: float = 0.5) -> None:
         self.all: Final = tuple(map(Piece, rings))
+        super().__init__(cell_m / _WIDER)
         self._cell_m: Final = cell_m
-        self._parts_per_m: Final = _WIDER / cell_m
         bounds = np.array([each.bounds for each in self.all], dtype=np.float64).reshape(-1, 4)
         self._low, self._high = bounds[:, :2], bounds[:, 2:]
         self._middle: Final = np.array([each.middle for each in self.all], dtype=np.float64).reshape(-1, 2)
@@ -208,37 +189,7 @@ class Pieces:
         self._top: Final = _TOP if len(self.all) > _FEW else 0
         self._whole: Final = _Chosen(np.arange(len(self.all)), ((), self.all))
         self._cells: dict[tuple[int, int, int], _Chosen] = {}
-        self._parts: dict[tuple[int, int], Part] = {}
         self._within: dict[tuple[int, int, int], tuple[Piece, ...]] = {}
-
-    def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return the signed distance from a point to the nearest piece; infinite without any."""
-        per_m = self._parts_per_m
-        part = _floor(x_m * per_m), _floor(y_m * per_m)
-        line, edges, pieces = self._parts.get(part) or self._near_part(*part)
-        if line is not None:
-            ax, ay, ux, uy = line
-            return abs(ux * (y_m - ay) - uy * (x_m - ax))
-        least = math.inf
-        for ax, ay, ux, uy, length in edges:
-            dx, dy = x_m - ax, y_m - ay
-            along = ux * dx + uy * dy
-            if along <= 0.0:
-                square = dx * dx + dy * dy
-            elif along < length:
-                off = ux * dy - uy * dx
-                square = off * off
-            else:
-                dx, dy = dx - ux * length, dy - uy * length
-                square = dx * dx + dy * dy
-            if square < least:
-                least = square
-        least = _sqrt(least)
-        for piece in pieces:
-            distance = piece.distance_m(x_m, y_m)
-            if distance < least:
-                least = distance
-        return least
 
     def keeps(self, x_m: float, y_m: float, needed_m: float) -> bool:
         """Return whether a point keeps its distance from all pieces; cheaper than `distance_m` if few are near."""
@@ -353,15 +304,15 @@ class Pieces:
         away: Floats = np.hypot(apart[:, 0], apart[:, 1])
         return away
 
-    def _near_part(self, column: int, row: int) -> Part:
-        """Return what may be nearest to a point of a part of a cell; cached."""
-        if len(self._parts) >= _MOST:
-            self._parts.clear()
-        edges, pieces = self._chosen(column, row, -1).near
-        side_m = self._cell_m / _WIDER
-        line = _across(edges, (column + 0.5) * side_m, (row + 0.5) * side_m, side_m / 2.0) if not pieces else None
-        part = self._parts[column, row] = line, edges, pieces
-        return part
+    def part(self, column: int, row: int) -> Part:
+        x_m, y_m, half_m = (column + 0.5) * self.part_m, (row + 0.5) * self.part_m, self.part_m / 2.0
+        cell = self._chosen(column // _WIDER, row // _WIDER, 0)
+        edges, pieces = cell.near
+        if pieces or len(edges) > _MANY:
+            edges, pieces = self._choose(cell, x_m, y_m, half_m).near
+        elif len(edges) > 1:
+            edges = _ever_nearest(edges, x_m, y_m, half_m)
+        return (None, None, edges, pieces) if pieces else part_of(edges, x_m, y_m, half_m)
 
     def _chosen(self, column: int, row: int, level: int) -> _Chosen:
         """Return the candidates of a cell of a level; those of a larger cell if they are few already."""
@@ -369,21 +320,21 @@ class Pieces:
         if found is None:
             above = self._chosen(column // _WIDER, row // _WIDER, level + 1) if level < self._top else self._whole
             edges, pieces = above.near
-            found = self._choose(above, column, row, level) if pieces or len(edges) > _FEW else above
-            if level >= 0:
-                self._cells[column, row, level] = found
+            found = above
+            if pieces or len(edges) > _FEW:
+                side_m = self._cell_m * float(_WIDER) ** level
+                found = self._choose(above, (column + 0.5) * side_m, (row + 0.5) * side_m, side_m / 2.0)
+            self._cells[column, row, level] = found
         return found
 
-    def _choose(self, above: _Chosen, column: int, row: int, level: int) -> _Chosen:
-        """Return the candidates of a cell, chosen from those of the larger cell around it."""
-        side_m = self._cell_m * float(_WIDER) ** level
-        x_m, y_m, half_m = (column + 0.5) * side_m, (row + 0.5) * side_m, side_m / 2.0
+    def _choose(self, above: _Chosen, x_m: float, y_m: float, half_m: float) -> _Chosen:
+        """Return the candidates of a square, chosen from those of the cell around it."""
         near, (edges, pieces) = above
         if pieces or len(edges) > _MANY:
             away, seen = self._edges.look(near, x_m, y_m)
-            # Anywhere in the cell, the nearest is at most this far.
-            reach_m = (max(float(away.min()), 0.0) + side_m * math.sqrt(2.0)) * (1.0 + 1e-9)
-            beside = away > side_m * math.sqrt(0.5) * (1.0 + 1e-9)
+            # Anywhere in the square, the nearest is at most this far.
+            reach_m = (max(float(away.min()), 0.0) + half_m * math.sqrt(8.0)) * (1.0 + 1e-9)
+            beside = away > half_m * math.sqrt(2.0) * (1.0 + 1e-9)
             edges = seen.facing(beside, reach_m, half_m)
             pieces = tuple(self.all[index] for index in near[~beside].tolist())
             near = near[away <= reach_m]

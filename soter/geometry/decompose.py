@@ -31,6 +31,29 @@ def pieces_around(ring: Ring) -> tuple[Ring, ...]:
     return _convex(shapely.box(*Polygon(ring).bounds).difference(Polygon(ring)))
 
 
+def simpler_around(ring: Ring, unders_m: Iterable[float]) -> tuple[tuple[Ring, ...], ...]:
+    """Return what `pieces_around` does, for simpler and simpler shapes inside a ring.
+
+    Args:
+        ring: the ring.
+        unders_m: how far inside the ring each shape may be at most, larger and larger.
+
+    Returns:
+        One decomposition a shape, each of which contains the one before; it ends where a shape would have almost as
+        many corners as the one before.
+    """
+    found, outer, gone_m = [], Polygon(ring), 0.0
+    for under_m in unders_m:
+        by_m, gone_m = under_m - gone_m, under_m
+        inner = outer.buffer(-0.5 * by_m).simplify(0.45 * by_m)
+        simpler = 4 * shapely.get_num_coordinates(inner) <= 3 * shapely.get_num_coordinates(outer)
+        if inner.is_empty or not simpler or not outer.contains_properly(inner):
+            break
+        found.append(_convex(shapely.box(*Polygon(ring).bounds).difference(inner)))
+        outer = inner
+    return tuple(found)
+
+
 def inset(ring: Ring, by_m: float) -> list[Ring]:
     """Return the outlines of the part of a ring's inside that is at least `by_m` away from the ring."""
     inner = Polygon(ring).buffer(-by_m)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final
 
@@ -21,6 +21,9 @@ MAX_CORNERS: Final = 20_000
 
 SAGITTA_M: Final = 0.01
 """Largest error of the polygon that replaces a circle; it lies outside for a keep-out, inside for a fence."""
+
+_MANY_CORNERS: Final = 100
+"""A fence with more corners than this may be replaced, where it is far away, by a simpler one."""
 
 _LEAST_CORNERS: Final = 12
 _MOST_CORNERS: Final = 720
@@ -185,6 +188,9 @@ def site_of(
         draft.map,
     )
     site = Site(plan)
+    if fence is not None and len(fence) > _MANY_CORNERS:
+        simpler = decompose.simpler_around(fence, site.unders_m)
+        site = Site(replace(plan, far_around=simpler))
     _check_places(draft, site, phi_safer_m, spacing_m, body_radius_m)
     _stop(draft)
     return site

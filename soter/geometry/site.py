@@ -15,6 +15,7 @@ from soter.geometry.workspace import Point, Ring, RobotPlace, Workspace
 if TYPE_CHECKING:
     from soter.geometry.clearance import Field
     from soter.geometry.convex import Pieces
+    from soter.geometry.nearest import Nearest
 
 _ROUNDING_M: Final = 1e-9
 _FAR_M: Final = 10.0
@@ -82,6 +83,8 @@ class SitePlan:
         robots: where robots start and charge.
         origin: the site's geographic position, if known.
         map: a map of what robots keep out of, in place of areas.
+        far_around: `around` with fewer and fewer corners, for places farther and farther from the fence; empty if it
+            has few.
     """
 
     fence: Ring | None
@@ -90,6 +93,7 @@ class SitePlan:
     robots: tuple[RobotPlace, ...]
     origin: GeoOrigin | None = None
     map: GridMap | None = None
+    far_around: tuple[tuple[Ring, ...], ...] = ()
 
 
 class Site(Workspace):
@@ -156,6 +160,11 @@ class Site(Workspace):
         low_x, low_y, high_x, high_y = self.bounds
         return max(0.5, max(high_x - low_x, high_y - low_y) / _CELLS)
 
+    @property
+    def unders_m(self) -> tuple[float, ...]:
+        """What distances from a fence with many corners may be less by: from ten times each of these on, as much."""
+        return 0.05 * self.cell_m, 0.4 * self.cell_m
+
     @cached_property
     def keep_outs(self) -> Pieces:
         """The areas that robots keep out of, or the map's occupied cells."""
@@ -176,8 +185,20 @@ class Site(Workspace):
     @cached_property
     def outside(self) -> Pieces:
         """The outside of the fence, with a wide rim around its bounding box; empty without a fence."""
-        if self.plan.fence is None:
-            return self._indexed(())
+        return self._indexed(()) if self.plan.fence is None else self._outside(self.plan.around)
+
+    @cached_property
+    def from_fence(self) -> Nearest:
+        """Distances to the outside of the fence; of one with many corners, large ones are lower bounds, see `far`."""
+        found: Nearest = self.outside
+        if self.plan.far_around:
+            from soter.geometry.far import FarPieces
+
+            for rings, under_m in zip(self.plan.far_around, self.unders_m, strict=False):
+                found = FarPieces(found, self._outside(rings), under_m)
+        return found
+
+    def _outside(self, around: Sequence[Ring]) -> Pieces:
         low_x, low_y, high_x, high_y = self._bounds
         far_x, far_y, wide_x, wide_y = low_x - _RIM_M, low_y - _RIM_M, high_x + _RIM_M, high_y + _RIM_M
         rim = (
@@ -186,7 +207,7 @@ class Site(Workspace):
             ((far_x, far_y), (wide_x, far_y), (wide_x, low_y), (far_x, low_y)),
             ((far_x, high_y), (wide_x, high_y), (wide_x, wide_y), (far_x, wide_y)),
         )
-        return self._indexed((*self.plan.around, *rim))
+        return self._indexed((*around, *rim))
 
     def _indexed(self, rings: Sequence[Ring]) -> Pieces:
         # Imported here: a planner's worker process and robots' programs use sites, but need no index.
@@ -195,7 +216,7 @@ class Site(Workspace):
         return Pieces(rings, self.cell_m)
 
     def fence_m(self, x_m: float, y_m: float) -> float:
-        return self.outside.distance_m(x_m, y_m)
+        return self.from_fence.distance_m(x_m, y_m)
 
     def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         """Return the least distance to the fence along a straight line that begins inside; at most 0 if it leaves.
@@ -206,11 +227,10 @@ class Site(Workspace):
         least = min(here_m, there_m)
         if least <= 0.0:
             return least
-        least = min(least, enough_m)
         # The distance changes by at most a metre per metre.
-        if here_m + there_m - math.hypot(bx_m - ax_m, by_m - ay_m) >= 2.0 * least:
-            return least
-        return self.outside.segment_m(ax_m, ay_m, bx_m, by_m, least)
+        if here_m + there_m - math.hypot(bx_m - ax_m, by_m - ay_m) >= 2.0 * enough_m:
+            return enough_m
+        return self.outside.segment_m(ax_m, ay_m, bx_m, by_m, enough_m)
 
     def outlines(self) -> tuple[Ring | None, list[Ring]]:
         kept_out = [area.ring for area in self.plan.areas]
@@ -235,7 +255,7 @@ class Site(Workspace):
 
         It is found by moving away from what is too near, repeatedly; in narrow places the distances may be less.
         """
-        if self.keep_outs.distance_m(x_m, y_m) >= clearance_m and self.outside.distance_m(x_m, y_m) >= inset_m:
+        if self.keep_outs.distance_m(x_m, y_m) >= clearance_m and self.fence_m(x_m, y_m) >= inset_m:
             return x_m, y_m
         for _ in range(_STEPS):
             walls = [

@@ -36,20 +36,21 @@ class SiteTerrain(Terrain):
         # Looked up here: those of a large map take seconds to make, for which no tick can wait.
         self._keep_outs: Final = site.keep_outs
         self._outside: Final = site.outside
+        self._from_fence: Final = site.from_fence
         self.workspace = site
         self.body_radius_m = body_radius_m
         self.bounds = site.bounds
         self._lay_cells()
 
     def fence_m(self, x_m: float, y_m: float) -> float:
-        return self._outside.distance_m(x_m, y_m)
+        return self._from_fence.distance_m(x_m, y_m)
 
     def fence_along_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, enough_m: float = math.inf) -> float:
         return self.site.fence_along_m(ax_m, ay_m, bx_m, by_m, enough_m)
 
     def leg_fence_m(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float, slope: float) -> float:
         length = math.hypot(bx_m - ax_m, by_m - ay_m)
-        least = self._outside.distance_m(ax_m, ay_m) - length
+        least = self.fence_m(ax_m, ay_m) - length
         if least >= needed_m:
             return least - needed_m
         return _leg_m(self._outside, (ax_m, ay_m), (bx_m, by_m), needed_m, slope) - needed_m

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from soter.geometry.convex import Pieces
+from soter.geometry.nearest import Nearest
 from soter.rta import Region, Situation, Threat
 from soter.stack.site_terrain import SiteTerrain
 from soter.stack.terrain import Terrain
@@ -57,22 +58,24 @@ class SiteFence(Region):
     Its parts are the distances to the convex pieces of the outside.
 
     Attributes:
+        away: distances to the outside of the fence.
         outside: the outside of the fence.
         inset_m: how far inside the fence the region begins.
         look_m: parts that exceed the least by more than this cannot become the least before the next look.
     """
 
+    away: Nearest
     outside: Pieces
     inset_m: float = 0.0
     look_m: float = math.inf
 
     def margin(self, situation: Situation) -> float:
         own = situation.own
-        return self.outside.distance_m(own.x_m, own.y_m) - self.inset_m
+        return self.away.distance_m(own.x_m, own.y_m) - self.inset_m
 
     def threats(self, situation: Situation) -> list[Threat]:
         x, y = situation.own.x_m, situation.own.y_m
-        parts = self.outside.walls(x, y, self.outside.distance_m(x, y) + self.look_m)
+        parts = self.outside.walls(x, y, self.away.distance_m(x, y) + self.look_m)
         return [Threat(away - self.inset_m, ux, uy) for away, ux, uy in parts]
 
     def edge_margin(self, safer: Region) -> float:
@@ -93,7 +96,7 @@ def fence_of(terrain: Terrain, look_m: float) -> Fence | SiteFence:
         look_m: how far a robot gets before the next look, at most.
     """
     if isinstance(terrain, SiteTerrain):
-        return SiteFence(terrain.site.outside, 0.0, look_m)
+        return SiteFence(terrain.site.from_fence, terrain.site.outside, 0.0, look_m)
     return Fence(0.0, terrain.width_m, 0.0, terrain.depth_m)
 
 
