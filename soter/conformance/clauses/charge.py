@@ -219,13 +219,13 @@ def emptying(bench: Bench) -> None:
     """While its battery runs down from full a robot says so, and gets going and stops as soon as ever."""
     bench.require_hook("charged")
     late, tried = _late_at(bench, 1.0, _PERCENT)
-    _runs_flat(bench)
-    bench.close()
     bench.require(
         len(late) <= _NOW_AND_THEN * tried,
         f"in {len(late)} of {tried} times that it is sent off and stopped it gets going or stops late or not at all, "
         "whatever its charge: a goal or a cancel gets lost, or takes longer than latency_s",
     )
+    _runs_flat(bench)
+    bench.close()
     if not bench.caps.in_process:
         # Commands that were late only because the host was busy are in time when that charge is met again.
         once, late = late[:_TWICE], []
