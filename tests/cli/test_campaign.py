@@ -15,6 +15,7 @@ from soter.campaign.plan import load_campaign
 from soter.campaign.report.document import BEGIN, END
 from soter.campaign.session import run_campaign
 from soter.campaign.store import Store
+from soter.check.mission import refused
 from soter.cli import app
 from soter.config import load_mission
 from soter.runner import run_mission
@@ -207,8 +208,12 @@ def test_the_examples_are_campaigns_and_their_parts_run(path: Path, monkeypatch:
     read = load_campaign(path, {"duration_s": 0.5} if path.stem != "random" else None)
     for part in read.parts.values():
         if part.search is None:
-            job = next(read.jobs(part))
+            jobs = list(read.jobs(part))
+            job, last = jobs[0], jobs[-1]
             json.dumps(dict(job.settings))
+            if part.mission != "random" and not part.may_refuse and not part.accept_unproved:
+                most = last.load()
+                assert refused(most, most.read_workspace()) == ()
             if part.mission != "random" and part.name != "fleet":
                 assert run_mission(job.load(), accept_unproved=part.accept_unproved).result.status == "completed"
 

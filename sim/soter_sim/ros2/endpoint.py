@@ -8,10 +8,11 @@ from typing import Final
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
+from soter.adapters.ros2.executor import executor_in
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.ros2.base import CLOCK, Base, to_ros
@@ -46,7 +47,7 @@ class Endpoint(VelocityControlledEndpoint):
         self._failed = 0
         self._context: Final = Context()
         rclpy.init(context=self._context)
-        self._executor: Final = SingleThreadedExecutor(context=self._context)
+        self._executor: Final = executor_in(self._context)
         self._nodes: Final = [self._node("soter_sim", None)]
         self._executor.add_node(self._nodes[0])
         self._clock: Final = self._nodes[0].create_publisher(Clock, "/clock", CLOCK)

@@ -12,11 +12,12 @@ import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.context import Context
 from rclpy.duration import Infinite
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
 
+from soter.adapters.ros2.executor import executor_in
 from soter.adapters.ros2.simulator import loopback
 
 KINDS: Final = {False: "geometry_msgs/msg/Twist", True: "geometry_msgs/msg/TwistStamped"}
@@ -57,6 +58,7 @@ NODE_NAME: Final = "soter"
 
 _UNNAMED: Final = "_NODE_NAME_UNKNOWN_"
 _END_TIMEOUT_S: Final = 5.0
+_AWAKE_S: Final = 0.5
 
 
 class Graph:
@@ -80,7 +82,7 @@ class Graph:
         self._on_loopback: Final = on_loopback
         with self._bound():
             rclpy.init(context=self._context, domain_id=domain_id)
-        self._executor: Final = SingleThreadedExecutor(context=self._context)
+        self._executor: Final = executor_in(self._context)
         self.failed = 0
         self._closed = False
         self._thread: Final = threading.Thread(target=self._run, name="ros2", daemon=True)
@@ -117,7 +119,7 @@ class Graph:
     def _run(self) -> None:
         while not self._closed and self._context.ok():
             try:
-                self._executor.spin_once()
+                self._executor.spin_once(_AWAKE_S)
             except ExternalShutdownException:
                 return
             except Exception:

@@ -21,12 +21,13 @@ from geometry_msgs.msg import Twist, TwistStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
+from soter.adapters.ros2.executor import executor_in
 from soter.onboard.gate_node import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, GateNode
 from soter.onboard.program import LEAVE_S, Ending, favour, killed_after
 from soter.onboard.velocity import REST, Velocity, VelocityGate
@@ -132,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (ValueError, ParameterException) as failure:
         rclpy.try_shutdown()
         parser.error(str(failure))
-    executor = SingleThreadedExecutor()
+    executor = executor_in(node.context)
     executor.add_node(node)
     if known.parent is None:
         heard = ", ".join(each.topic_name for each in node.subscriptions)
