@@ -102,8 +102,6 @@ class Ros2Harness(VelocityControlledHarness):
 
     name = "ros2"
     connect_timeout_s = 20.0
-    # DDS keeps a third of a core busy with each.
-    a_core = 2
     # Topics have types: nothing that makes no sense gets through.
     garble = Harness.garble
 

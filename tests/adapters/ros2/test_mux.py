@@ -6,6 +6,7 @@ import math
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -22,6 +23,7 @@ ITS_OWN = {
     "soter",
     "soter.adapters",
     "soter.adapters.ros2",
+    "soter.adapters.ros2.executor",
     "soter.adapters.ros2.mux",
     "soter.controller",
     "soter.lazy",
@@ -45,6 +47,26 @@ def test_it_needs_nothing_but_ros_and_a_few_modules_of_the_standard_library_only
     ros = "import rclpy, rclpy.exceptions, rclpy.executors, rclpy.node, rclpy.signals, geometry_msgs.msg, std_msgs.msg"
     more = modules_after("import soter.adapters.ros2.mux") - modules_after(ros)
     assert {name for name in more if name.partition(".")[0] not in sys.stdlib_module_names} == ITS_OWN
+
+
+@pytest.mark.parametrize(
+    ("before", "kind"),
+    [("", "EventsExecutor"), ("sys.modules['rclpy.experimental'] = None", "SingleThreadedExecutor")],
+)
+def test_its_executor_is_the_cheap_one_if_there_is_one_and_leaves_the_fault_handler_alone(
+    before: str, kind: str
+) -> None:
+    program = f"""
+import faulthandler, sys
+from rclpy.context import Context
+from soter.adapters.ros2.executor import executor_in
+{before}
+context = Context()
+context.init()
+print(type(executor_in(context)).__name__, faulthandler.is_enabled())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=30)
+    assert done.stdout.split() == [kind, "False"]
 
 
 @pytest.mark.parametrize(
@@ -178,12 +200,14 @@ def test_a_graphs_thread_is_gone_before_what_it_runs_is_shut_down(
     graph: Graph, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     graph.node("/somebody")
-    shut_down, running = graph._executor.shutdown, list[bool]()
+    executor, running = graph._executor, list[bool]()
 
     def note() -> None:
         running.append(graph._thread.is_alive())
-        shut_down()
+        executor.shutdown()
 
-    monkeypatch.setattr(graph._executor, "shutdown", note)
+    names = ("spin_once", "create_task", "add_node")
+    noted = SimpleNamespace(shutdown=note, **{name: getattr(executor, name) for name in names})
+    monkeypatch.setattr(graph, "_executor", noted)
     graph.close()
     assert running == [False]
