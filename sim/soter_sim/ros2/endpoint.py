@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from soter.adapters.ros2.executor import executor_in
+from soter.adapters.ros2.executor import GuardedNode, executor_in
 from soter.geometry.workspace import Workspace
 from soter.sdk.values import RobotSpec, RuleLimits
 from soter_sim.ros2.base import CLOCK, Base, to_ros
 from soter_sim.velocity_controlled import START_S, VelocityControlledEndpoint
-
-logger = logging.getLogger(__name__)
 
 
 class Endpoint(VelocityControlledEndpoint):
@@ -44,7 +40,6 @@ class Endpoint(VelocityControlledEndpoint):
         truth_port: int = 0,
     ) -> None:
         super().__init__(workspace, robots, limits, truth_port)
-        self._failed = 0
         self._context: Final = Context()
         rclpy.init(context=self._context)
         self._executor: Final = executor_in(self._context)
@@ -58,14 +53,7 @@ class Endpoint(VelocityControlledEndpoint):
             self.bases[robot.id] = Base(node, self.world, robot.id, stamped=stamped)
 
     def _wait(self, seconds: float) -> None:
-        try:
-            self._executor.spin_once(timeout_sec=seconds)
-        except ExternalShutdownException:
-            raise
-        except Exception:
-            self._failed += 1
-            if self._failed == 1:
-                logger.exception("dropped what could not be taken")
+        self._executor.spin_once(timeout_sec=seconds)
 
     def _tell(self, before: int, steps: int) -> None:
         self._clock.publish(Clock(clock=to_ros(START_S + self.world.now_s)))
@@ -80,6 +68,6 @@ class Endpoint(VelocityControlledEndpoint):
         self._context.try_shutdown()
 
     def _node(self, name: str, namespace: str | None) -> Node:
-        return Node(
+        return GuardedNode(
             name, context=self._context, namespace=namespace, use_global_arguments=False, start_parameter_services=False
         )

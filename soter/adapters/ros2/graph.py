@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -12,12 +11,11 @@ import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.context import Context
 from rclpy.duration import Infinite
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
 
-from soter.adapters.ros2.executor import executor_in
+from soter.adapters.ros2.executor import GuardedNode, executor_in, spin
 from soter.adapters.ros2.simulator import loopback
 
 KINDS: Final = {False: "geometry_msgs/msg/Twist", True: "geometry_msgs/msg/TwistStamped"}
@@ -39,8 +37,6 @@ def make_velocity(forward_m_s: float, turn_rad_s: float, stamp: Any, *, stamped:
     return message
 
 
-logger = logging.getLogger(__name__)
-
 _PATIENT: Final[dict[str, Any]] = {"depth": 1, "deadline": Infinite, "liveliness_lease_duration": Infinite}
 
 SENSOR: Final = QoSProfile(**_PATIENT, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -58,7 +54,6 @@ NODE_NAME: Final = "soter"
 
 _UNNAMED: Final = "_NODE_NAME_UNKNOWN_"
 _END_TIMEOUT_S: Final = 5.0
-_AWAKE_S: Final = 0.5
 
 
 class Graph:
@@ -70,9 +65,6 @@ class Graph:
         domain_id: the ROS domain; None for that of the environment.
         use_sim_time: whether its nodes follow `/clock`.
         on_loopback: whether DDS stays on this host.
-
-    Attributes:
-        failed: how many messages a callback failed on. The first is logged.
     """
 
     def __init__(self, domain_id: int | None, *, use_sim_time: bool, on_loopback: bool) -> None:
@@ -83,7 +75,6 @@ class Graph:
         with self._bound():
             rclpy.init(context=self._context, domain_id=domain_id)
         self._executor: Final = executor_in(self._context)
-        self.failed = 0
         self._closed = False
         self._thread: Final = threading.Thread(target=self._run, name="ros2", daemon=True)
         self._thread.start()
@@ -91,7 +82,7 @@ class Graph:
     def node(self, namespace: str) -> Node:
         """Return a new node for one robot, with its callbacks running."""
         with self._bound():
-            node = Node(
+            node = GuardedNode(
                 NODE_NAME, context=self._context, namespace=namespace, use_global_arguments=False,
                 enable_rosout=False, start_parameter_services=False,
                 parameter_overrides=[Parameter("use_sim_time", value=self._use_sim_time)],
@@ -117,16 +108,7 @@ class Graph:
         return loopback() if self._on_loopback else nullcontext()
 
     def _run(self) -> None:
-        while not self._closed and self._context.ok():
-            try:
-                self._executor.spin_once(_AWAKE_S)
-            except ExternalShutdownException:
-                return
-            except Exception:
-                # A failed callback must not end the thread that serves the others.
-                self.failed += 1
-                if self.failed == 1:
-                    logger.exception("dropped a message that could not be taken")
+        spin(self._executor, lambda: self._closed or not self._context.ok())
 
 
 def heard_wrongly(node: Node, topic: str, type_name: str, profile: QoSProfile) -> list[str]:

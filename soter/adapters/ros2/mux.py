@@ -21,13 +21,11 @@ from geometry_msgs.msg import Twist, TwistStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from soter.adapters.ros2.executor import executor_in
+from soter.adapters.ros2.executor import GuardedNode, executor_in, spin
 from soter.onboard.gate_node import COMMAND_S, LEASE_S, PERIOD_S, V_MAX_M_S, YAW_RATE_MAX_RAD_S, GateNode
 from soter.onboard.program import LEAVE_S, Ending, favour, killed_after
 from soter.onboard.velocity import REST, Velocity, VelocityGate
@@ -40,7 +38,7 @@ _LATCHED: Final = QoSProfile(
 )
 
 
-class MuxNode(Node):
+class MuxNode(GuardedNode):
     """The gate of one robot as a ROS node. Used only in its executor's thread.
 
     Args:
@@ -141,19 +139,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"connected in ROS domain {node.context.get_domain_id()}, listening to {heard}; Ctrl-C ends it"
         )
     favour()
-    failed = 0
     try:
-        while not ended():
-            try:
-                executor.spin_once(timeout_sec=0.5)
-            except ExternalShutdownException:
-                raise
-            except Exception as failure:  # noqa: BLE001 - whatever one message does, the robot needs its mux
-                failed += 1
-                if failed == 1:
-                    node.get_logger().warning(f"dropped what could not be taken: {failure!r}")
-    except ExternalShutdownException:
-        return
+        spin(executor, ended)
     finally:
         if rclpy.ok():
             node.pass_on(REST)

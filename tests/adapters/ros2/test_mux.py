@@ -192,7 +192,7 @@ def test_what_one_callback_cannot_take_deafens_no_other(graph: Graph, caplog: py
         return len(heard) > 2
 
     assert wait_for(repeated, 10.0)
-    assert graph.failed >= 2
+    assert node.failed >= 2
     assert caplog.text.count("dropped a message that could not be taken") == 1
 
 
