@@ -79,7 +79,7 @@ class Graph:
         self._thread: Final = threading.Thread(target=self._run, name="ros2", daemon=True)
         self._thread.start()
 
-    def node(self, namespace: str) -> Node:
+    def node(self, namespace: str) -> GuardedNode:
         """Return a new node for one robot, with its callbacks running."""
         with self._bound():
             node = GuardedNode(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from soter.conformance.bench import TICK_S, Bench
+from soter.conformance.bench import Bench
 from soter.conformance.clause import Tier, clause
 from soter.conformance.clauses import bounds, clocks, leases, speeds
+from soter.conformance.driver import TICK_S
 from soter.conformance.figure import Failed
 from soter.sdk import Capabilities, Controller
 
