@@ -131,6 +131,8 @@ ALLOWED: dict[str, set[str]] = {
     "soter": {"soter"},
     "soter_sim": {"soter.sdk.values", "soter.onboard"},
     # Its face on Zenoh speaks as the adapter does: one codec and one way to open a session, not two.
+    # Its face on ROS 2 runs in the adapter's executor.
+    "soter_sim.ros2": {"soter.adapters.ros2.executor", "soter.sdk.values", "soter.onboard", "soter_sim"},
     "soter_sim.zenoh": {
         "soter.adapters.zenoh.messages",
         "soter.adapters.zenoh.options",

@@ -51,13 +51,15 @@ class GuardedNode(Node):
 
 def executor_in(context: Context) -> Executor:
     """Return an executor, rclpy's events executor where it has one: that takes about half of the processor time."""
+    was_enabled = faulthandler.is_enabled()
     try:
         from rclpy.experimental import EventsExecutor
-    except ImportError:
+
+        executor = EventsExecutor(context=context)
+    except (ImportError, OSError, RuntimeError, AttributeError):
+        # An older rclpy; or standard error is no file, as in a notebook, and its fault handler can print nowhere.
         return SingleThreadedExecutor(context=context)
-    was_enabled = faulthandler.is_enabled()
-    executor = EventsExecutor(context=context)
-    # It switches this on for the whole process, which is not ours alone.
+    # It switches the fault handler on for the whole process, which is not ours alone.
     if not was_enabled:
         faulthandler.disable()
     return executor

@@ -51,7 +51,12 @@ def test_it_needs_nothing_but_ros_and_a_few_modules_of_the_standard_library_only
 
 @pytest.mark.parametrize(
     ("before", "kind"),
-    [("", "EventsExecutor"), ("sys.modules['rclpy.experimental'] = None", "SingleThreadedExecutor")],
+    [
+        ("", "EventsExecutor"),
+        ("sys.modules['rclpy.experimental'] = None", "SingleThreadedExecutor"),
+        # As in a notebook.
+        ("import io; sys.stderr = io.StringIO()", "SingleThreadedExecutor"),
+    ],
 )
 def test_its_executor_is_the_cheap_one_if_there_is_one_and_leaves_the_fault_handler_alone(
     before: str, kind: str
