@@ -12,6 +12,7 @@ from typing import Final, Literal
 
 from soter_sim.mavlink.frames import wrapped_rad
 from soter_sim.mavlink.parameters import Parameters
+from soter_sim.mavlink.rover import TURN_PER_S
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
 
 BOAT_LIKE: Final = "ardurover-boat"
@@ -30,7 +31,6 @@ _CREEPS_M_S: Final = 0.01
 _ROLLS_M: Final = 0.05
 _ROLLS_M_S: Final = 0.05
 _NORTH_RAD: Final = 0.5 * pi
-_TURN_PER_S: Final = 4.0
 _GUST_S: Final = 6.0
 _SWAY_M_PER_M_S: Final = 0.04
 
@@ -95,7 +95,7 @@ class Flaws:
             and wanted.heading_rad is None
             and hypot(wanted.east_m_s, wanted.north_m_s) == 0.0
         ):
-            return replace(wanted, yaw_rate_rad_s=_TURN_PER_S * wrapped_rad(_NORTH_RAD - at.heading_rad))
+            return replace(wanted, yaw_rate_rad_s=TURN_PER_S * wrapped_rad(_NORTH_RAD - at.heading_rad))
         return wanted
 
     def _rolling(self, wanted: Place, at: Sample) -> Place:

@@ -9,6 +9,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter_sim.mavlink.kinds import BOAT, Kind
+from soter_sim.mavlink.rover import TURN_PER_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +68,7 @@ _ROVER: Final = {
     "SERVO1_FUNCTION": _whole(73, 73, 73),
     "SERVO3_FUNCTION": _whole(74, 74, 74),
     "WP_PIVOT_ANGLE": _whole(60, 60, 60),
+    "ATC_STR_ANG_P": Parameter(TURN_PER_S, TURN_PER_S, TURN_PER_S),
 }
 _BOAT: Final = {
     "FRAME_CLASS": _whole(2, 2, 2),

@@ -11,7 +11,9 @@ from soter_sim.mavlink.frames import wrapped_rad
 from soter_sim.mavlink.setpoint import Place, Sample, Setpoint, Velocity
 from soter_sim.world import World
 
-_TURN_PER_S: Final = 4.0
+TURN_PER_S: Final = 4.0
+"""How fast it turns to a heading, by how far off that is."""
+
 _ASTRAY_RAD: Final = 0.35
 _SLOWEST_M_S: Final = 1e-3
 
@@ -66,7 +68,7 @@ class Rover:
 def _keep(wanted: Velocity, heading_rad: float) -> tuple[float, float]:
     """Return the speed and the turn rate that keep a velocity: turn towards it first, then drive."""
     if wanted.heading_rad is not None:
-        return 0.0, _TURN_PER_S * wrapped_rad(wanted.heading_rad - heading_rad)
+        return 0.0, TURN_PER_S * wrapped_rad(wanted.heading_rad - heading_rad)
     speed_m_s = hypot(wanted.east_m_s, wanted.north_m_s)
     if wanted.yaw_rate_rad_s is not None:
         along_m_s = wanted.east_m_s * cos(heading_rad) + wanted.north_m_s * sin(heading_rad)
@@ -75,4 +77,4 @@ def _keep(wanted: Velocity, heading_rad: float) -> tuple[float, float]:
         return 0.0, 0.0
     error_rad = wrapped_rad(atan2(wanted.north_m_s, wanted.east_m_s) - heading_rad)
     astray = abs(error_rad) > _ASTRAY_RAD
-    return 0.0 if astray else speed_m_s * cos(error_rad), _TURN_PER_S * error_rad
+    return 0.0 if astray else speed_m_s * cos(error_rad), TURN_PER_S * error_rad

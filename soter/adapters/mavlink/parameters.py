@@ -39,12 +39,24 @@ class JudgedParameters:
         """The parameters' names, in the order in which they are asked for."""
         kind = self._vehicle.kind
         own = (*(_STEERING if kind.is_ardurover else ()), *(boats.NAMES if kind.drifts else ()))
-        return tuple(dict.fromkeys((*own, *kind.brakes, *kind.speeds, *kind.turns)))
+        gain = (kind.turn_gain,) if kind.turn_gain else ()
+        return tuple(dict.fromkeys((*own, *kind.brakes, *kind.speeds, *kind.turns, *gain)))
 
     @property
     def drift_m(self) -> float:
         """How far from where it has stopped the vehicle drifts; 0 for one that does not."""
         return boats.drift_m(self._vehicle.parameters, self._promised) if self._vehicle.kind.drifts else 0.0
+
+    @property
+    def turn_reach_rad(self) -> float:
+        """How far off a heading may be so that its turn slows down no later than the lease ends.
+
+        It turns as fast as it promises until what is left is less than its gain makes of that; nothing of this is
+        known of a vehicle that does not report its gain.
+        """
+        gain_per_s = self._vehicle.parameters.get(self._vehicle.kind.turn_gain, 0.0)
+        slows_s = 1.0 / gain_per_s if gain_per_s > 0.0 else 0.0
+        return self._yaw_rate_max_rad_s * (self._promised.lease_s + slows_s)
 
     def why_refused(self) -> str:
         """Return which parameter does not allow the promise, and values that would; empty if all allow it.

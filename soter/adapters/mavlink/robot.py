@@ -344,8 +344,7 @@ class MavlinkRobot(Robot):
         way = leg._replace(target=target)
         if self._vehicle.kind.is_ardurover:
             far = way.ahead(at, reach_m(promised.v_max_m_s, promised.brake_m_s2, promised.lease_s))
-            turn_rad = promised.yaw_rate_max_rad_s * promised.lease_s
-            heading_rad = leg.facing(at, far, noise_m, turn_rad, turns=self._turns)
+            heading_rad = leg.facing(at, far, noise_m, self._judged.turn_reach_rad, turns=self._turns)
             self._turns = heading_rad is not None
             if heading_rad is not None:
                 self._setpoints.turn(self._charge, at.x_m, at.y_m, heading_rad)

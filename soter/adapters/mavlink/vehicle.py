@@ -46,6 +46,7 @@ class VehicleKind:
         brakes: the parameters that limit its braking, with their unit in m/s2; the first of them above 0 counts.
         speeds: the parameters that limit its speed before it is asked for less, with their unit in m/s.
         turns: the parameters that limit its turn rate, with their unit in rad/s; 0 is no limit.
+        turn_gain: the parameter that says how fast it turns by how far it has to, in 1/s; empty if there is none.
         drifts: whether wind and water carry it off where it has stopped, as far as its autopilot lets them.
     """
 
@@ -59,6 +60,7 @@ class VehicleKind:
     brakes: Mapping[str, float] = field(default_factory=dict)
     speeds: Mapping[str, float] = field(default_factory=dict)
     turns: Mapping[str, float] = field(default_factory=dict)
+    turn_gain: str = ""
     drifts: bool = False
 
     @property
@@ -87,6 +89,7 @@ ARDUROVER: Final = VehicleKind(
     "rover", mav.MAV_AUTOPILOT_ARDUPILOTMEGA, flies=False, guided=15, stop=4, land=None,
     names={0: "MANUAL", 3: "STEERING", 4: "HOLD", 5: "LOITER", 10: "AUTO", 11: "RTL", 15: "GUIDED"},
     brakes={"ATC_DECEL_MAX": 1.0, "ATC_ACCEL_MAX": 1.0}, turns={"WP_PIVOT_RATE": radians(1.0)},
+    turn_gain="ATC_STR_ANG_P",
 )  # fmt: skip
 ARDUBOAT: Final = replace(ARDUROVER, name="boat", stop=5, speeds={"WP_SPEED": 1.0}, drifts=True)
 """A boat of ArduRover. HOLD stops its motors; in LOITER it keeps its place, as fast as WP_SPEED."""

@@ -159,7 +159,7 @@ def test_one_that_others_disarm_is_left_alone_and_said_to_be(puppet: Puppet) -> 
 
 JUDGED = {
     "SERVO1_FUNCTION": 73.0, "WP_PIVOT_ANGLE": 60.0, "ATC_DECEL_MAX": 0.0, "ATC_ACCEL_MAX": 2.0,
-    "WP_PIVOT_RATE": 80.0,
+    "WP_PIVOT_RATE": 80.0, "ATC_STR_ANG_P": 2.0,
 }  # fmt: skip
 ALL_ASKED_TICKS = 20 * len(JUDGED) + 2
 

@@ -178,18 +178,23 @@ def test_a_slow_vehicle_is_sent_no_farther_than_it_drives_in_the_time_of_a_fast_
     assert puppet.targets()[-1][1]["y"] == pytest.approx(covered_m)
 
 
+@pytest.mark.parametrize(("gain_per_s", "slows_s"), [(None, 0.0), (4.0, 0.25), (0.0, 0.0), (math.nan, 0.0)])
 @pytest.mark.parametrize("yaw_rad", [-1.0, 3.0])
 def test_a_rover_is_turned_by_headings_no_farther_off_than_its_lease_and_then_sent_to_the_place(
-    puppet: Puppet, yaw_rad: float
+    puppet: Puppet, yaw_rad: float, gain_per_s: float | None, slows_s: float
 ) -> None:
     """Sent to a place it would end its turn and drive there, seconds after the lease."""
     puppet.gate = False
+    if gain_per_s is not None:
+        puppet.parameters["ATC_STR_ANG_P"] = gain_per_s
     robot = ready(puppet)
     puppet.yaw_rad = yaw_rad
     tick(puppet, robot)
     puppet.sent.clear()
     robot.goto(FAR, SC)
-    most_rad = robot.declared.yaw_rate_max_rad_s * robot.declared.lease_s
+    most_rad = robot.declared.yaw_rate_max_rad_s * (robot.declared.lease_s + slows_s)
+    first_rad = abs(puppet.targets()[-1][1]["yaw"] - yaw_rad)
+    assert first_rad == pytest.approx(min(most_rad, abs(0.5 * math.pi - yaw_rad)), abs=1e-3)
     for _ in range(20):
         fields = puppet.targets()[-1][1]
         if fields["type_mask"] != TURNS:
