@@ -10,6 +10,9 @@ WORKERS ?= 5
 ROS2_WORKERS ?= 2
 # Tests start hundreds of processes, each of which would compile all of SOTER anew.
 unexport PYTHONDONTWRITEBYTECODE
+# What `make conform` judges.
+ADAPTERS ?= kinematic pybullet zenoh mavlink mavsdk $(addprefix soter.adapters.mavlink.harness:,PlainHarness CopterHarness MavsdkCopterHarness) \
+	soter_zmq.harness:ZmqHarness soter_lcm.harness:LcmHarness soter.adapters.ros2.harness:Ros2Harness
 PYTHON_FOLDERS = $(wildcard soter sim tests examples benchmarks tools)
 
 .PHONY: help
@@ -58,8 +61,19 @@ browser-test: ## Open pages of recordings and campaigns in Chromium, at four siz
 	@tools/env.sh test
 	$(VENV)/python -m pytest -n 2 --dist worksteal $(wildcard tests/*/test_*browser.py) $(PYTEST_ARGS)
 
+.PHONY: conform
+conform: ## The whole conformance kit on every adapter that is here, one after the other; an hour and a half (ADAPTERS="zenoh mavlink")
+	@tools/env.sh test
+	@tools/env.sh ros2
+	@mkdir -p runs/conform; failed=0; for name in $(ADAPTERS); do \
+		case $$name in *ros2*) bin=.venv-ros2/bin ;; *) bin=$(VENV) ;; esac; \
+		record=runs/conform/$${name##*:}; rm -f $$record.json; \
+		if PYTHONPATH=examples/adapter-zmq:examples/adapter-lcm $$bin/soter conform $$name --json $$record.json >$$record.txt; \
+		then tail -n 2 $$record.txt; else failed=1; grep -A 1 ^FAIL $$record.txt; tail -n 2 $$record.txt; fi; \
+	done; exit $$failed
+
 .PHONY: accept
-accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, tuned missions, corridors and random ones; hours
+accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, tuned missions, corridors and random ones, and `make conform`; hours
 	@tools/env.sh test
 	@for name in evaluation adversaries faults; do \
 		$(VENV)/soter campaign examples/campaigns/$$name.toml $(ACCEPT_ARGS) || exit 1; \
@@ -68,6 +82,7 @@ accept: ## The campaigns behind docs/{evaluation,adversaries,faults}.md, tuned m
 	@for name in tuned corridors random; do \
 		$(VENV)/soter campaign examples/campaigns/$$name.toml $(ACCEPT_ARGS) || exit 1; \
 	done
+	@$(MAKE) --no-print-directory conform
 
 .PHONY: listings
 listings: ## Run every command that the pages print, as printed; an hour (LISTINGS_ARGS="docs/report.md --limit 60")
