@@ -43,6 +43,8 @@ _BEAT_S: Final = 1.0
 _SYNC_S: Final = 0.05
 _LOST_S: Final = 1.0
 _REPEAT_S: Final = 0.1
+_SETS_OUT_M: Final = 0.015
+"""A vehicle that is less than a centimetre from its place stays where it is."""
 
 
 class MavlinkRobot(Robot):
@@ -349,8 +351,8 @@ class MavlinkRobot(Robot):
             if heading_rad is not None:
                 self._setpoints.turn(self._charge, at.x_m, at.y_m, heading_rad)
                 return
-        ahead_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s) * fastest_m_s / promised.v_max_m_s
-        place = way.ahead(at, ahead_m)
+        most_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
+        place = way.ahead(at, max(most_m * fastest_m_s / promised.v_max_m_s, min(_SETS_OUT_M, most_m)))
         self._standing.sent(place)
         self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
         # ArduCopter forgets its limit with the first place after a velocity, ArduRover refuses one before it.

@@ -178,6 +178,20 @@ def test_a_slow_vehicle_is_sent_no_farther_than_it_drives_in_the_time_of_a_fast_
     assert puppet.targets()[-1][1]["y"] == pytest.approx(covered_m)
 
 
+@pytest.mark.parametrize("v_max_m_s", [0.22, 0.05])
+def test_however_slow_it_is_sent_so_far_that_it_sets_out_and_no_farther_than_a_fast_one(
+    puppet: Puppet, v_max_m_s: float
+) -> None:
+    puppet.gate = False
+    robot = ready(puppet, promise={"v_max_m_s": v_max_m_s})
+    tick(puppet, robot)
+    robot.goto(FAR._replace(speed_m_s=0.003), SC)
+    promised = robot.declared
+    lease_s = promised.lease_s - 0.5 * promised.setpoint_period_s
+    covered_m = v_max_m_s * lease_s + v_max_m_s**2 / (2.0 * promised.brake_m_s2)
+    assert puppet.targets()[-1][1]["y"] == pytest.approx(min(0.015, covered_m))
+
+
 @pytest.mark.parametrize(("gain_per_s", "slows_s"), [(None, 0.0), (4.0, 0.25), (0.0, 0.0), (math.nan, 0.0)])
 @pytest.mark.parametrize("yaw_rad", [-1.0, 3.0])
 def test_a_rover_is_turned_by_headings_no_farther_off_than_its_lease_and_then_sent_to_the_place(
