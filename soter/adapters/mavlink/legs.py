@@ -113,6 +113,16 @@ class TargetLeg(NamedTuple):
         return wrapped_rad(at.heading_rad + min(max(off_rad, -most_rad), most_rad))
 
 
+def towards(at: RobotState, place: tuple[float, float, float], ahead_m: float) -> tuple[float, float, float]:
+    """Return the point that is `ahead_m` from a rover towards a place of its leg, or the place if that is nearer.
+
+    The leg itself may be as far beside a rover as such a point is ahead of it: a slow one would turn to and fro.
+    """
+    away_m = math.dist((at.x_m, at.y_m), place[:2])
+    share = ahead_m / away_m if away_m > ahead_m else 1.0
+    return at.x_m + share * (place[0] - at.x_m), at.y_m + share * (place[1] - at.y_m), place[2]
+
+
 def reach_m(v_m_s: float, brake_m_s2: float, lease_left_s: float) -> float:
     """Return how far ahead a target may be: the distance driven in the rest of the lease, plus the braking distance."""
     return v_m_s * lease_left_s + v_m_s * v_m_s / (2.0 * brake_m_s2)

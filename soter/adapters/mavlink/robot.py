@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from soter.adapters.mavlink.authority import CONTROLLERS, KEEPER, SENDERS, Authority
 from soter.adapters.mavlink.frames import EarthFrame, Frame, GeoPoint, frame_of
-from soter.adapters.mavlink.legs import TargetLeg, reach_m
+from soter.adapters.mavlink.legs import TargetLeg, reach_m, towards
 from soter.adapters.mavlink.link import MavlinkLink
 from soter.adapters.mavlink.obedience import Obedience
 from soter.adapters.mavlink.options import MavlinkConfig, simulated
@@ -344,6 +344,8 @@ class MavlinkRobot(Robot):
         if self._reverses:
             self._setpoints.drive_backwards(leg.backwards)
         way = leg._replace(target=target)
+        most_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
+        ahead_m = max(most_m * fastest_m_s / promised.v_max_m_s, min(_SETS_OUT_M, most_m))
         if self._vehicle.kind.is_ardurover:
             far = way.ahead(at, reach_m(promised.v_max_m_s, promised.brake_m_s2, promised.lease_s))
             heading_rad = leg.facing(at, far, noise_m, self._judged.turn_reach_rad, turns=self._turns)
@@ -351,8 +353,9 @@ class MavlinkRobot(Robot):
             if heading_rad is not None:
                 self._setpoints.turn(self._charge, at.x_m, at.y_m, heading_rad)
                 return
-        most_m = reach_m(promised.v_max_m_s, promised.brake_m_s2, left_s)
-        place = way.ahead(at, max(most_m * fastest_m_s / promised.v_max_m_s, min(_SETS_OUT_M, most_m)))
+            place = towards(at, far, ahead_m)
+        else:
+            place = way.ahead(at, ahead_m)
         self._standing.sent(place)
         self._setpoints.go_plainly(self._charge, *place, target.heading_rad)
         # ArduCopter forgets its limit with the first place after a velocity, ArduRover refuses one before it.

@@ -225,6 +225,22 @@ def test_a_rover_is_turned_by_headings_no_farther_off_than_its_lease_and_then_se
     assert puppet.targets()[-1][1]["type_mask"] == GOES_ANYHOW
 
 
+def test_a_slow_rover_beside_its_leg_is_sent_towards_where_it_is_turned_to(puppet: Puppet) -> None:
+    """Sent to a place on the leg, as near as it is beside the leg, it would be turned to and fro and not set out."""
+    puppet.gate = False
+    robot = ready(puppet)
+    tick(puppet, robot)
+    robot.goto(FAR._replace(speed_m_s=0.003), SC)
+    puppet.y_m += 0.012
+    puppet.yaw_rad += 0.15
+    tick(puppet, robot, 3)
+    fields = puppet.targets()[-1][1]
+    assert fields["type_mask"] == GOES_ANYHOW
+    dx_m, dy_m = fields["y"] - puppet.x_m, fields["x"] - puppet.y_m
+    assert math.hypot(dx_m, dy_m) == pytest.approx(0.015)
+    assert -0.25 < math.atan2(dy_m, dx_m) < 0.0
+
+
 def test_a_rover_that_drives_backwards_is_turned_with_its_back_to_the_place(puppet: Puppet) -> None:
     puppet.gate = False
     robot = ready(puppet)
