@@ -34,6 +34,7 @@ _DIAGONAL: Final = math.sqrt(2.0)
 _BLOCK: Final = 16
 """Side in cells of the blocks for which candidates are computed first, before those of each cell."""
 
+_CELLS: Final = np.arange(_BLOCK * _BLOCK + 1)
 _LOOK: Final = 4
 """Least side in cells of the squares in which pieces are looked up."""
 
@@ -57,20 +58,19 @@ offset, or zeros, for the way along the first axis, and so on. The distances are
 range.
 """
 
-_OCCUPIED: Final[Near] = ((), (), None)
-
 
 class _Block(NamedTuple):
     """The boxes around a block of cells.
 
     Attributes:
-        boxes: all that may be nearest to a place of the block.
-        nearest: which of them may be nearest to a place in each cell, by row and column.
+        boxes: those that may be nearest to a place of a cell, for one cell after the other, row by row; of none for
+            occupied cells.
+        starts: where the boxes of each cell begin, and behind the last one's.
         exact: whether all distances in the block are in the exact range.
     """
 
     boxes: list[Four]
-    nearest: NDArray[np.bool_]
+    starts: list[int]
     exact: bool
 
 
@@ -322,8 +322,6 @@ class Field(Pieces):
         return found
 
     def _candidates(self, column: int, row: int) -> Near:
-        if self.occupied[row, column]:
-            return _OCCUPIED
         place = column // _BLOCK, row // _BLOCK
         far: Four | None = None
         block = self._blocks.get(place)
@@ -337,8 +335,8 @@ class Field(Pieces):
             if least + 2.0 * _DIAGONAL > EXACT_CELLS:
                 far = a, b, c, d
             block = block or self._block(*place)
-        boxes = block.boxes
-        near = tuple([boxes[at] for at in block.nearest[row % _BLOCK, column % _BLOCK].nonzero()[0].tolist()])
+        cell = row % _BLOCK * _BLOCK + column % _BLOCK
+        near = tuple(block.boxes[block.starts[cell] : block.starts[cell + 1]])
         ways = tuple([_way(column, low_u, high_u) + _way(row, low_v, high_v) for low_u, low_v, high_u, high_v in near])
         return near, ways, far
 
@@ -359,8 +357,13 @@ class Field(Pieces):
         # Anywhere in a cell, the nearest box is at most as far as the least of the boxes' upper bounds.
         most = (most_v[:, None] + most_u).min(axis=2, initial=_INFINITE)
         nearest = apart_v[:, None] + apart_u <= most[..., None]
+        taken = self.occupied[low_row : low_row + _BLOCK, low_column : low_column + _BLOCK]
+        nearest[: taken.shape[0], : taken.shape[1]][taken] = False
+        cells, which = nearest.reshape(_BLOCK * _BLOCK, -1).nonzero()
+        starts = np.searchsorted(cells, _CELLS).tolist()
+        listed: list[Four] = [*map(tuple, boxes.tolist())]
         exact = farthest + _DIAGONAL <= EXACT_CELLS
-        found = self._blocks[column, row] = _Block([*map(tuple, boxes.tolist())], nearest, exact)
+        found = self._blocks[column, row] = _Block([listed[at] for at in which.tolist()], starts, exact)
         return found
 
 
