@@ -11,7 +11,7 @@ ROS2_WORKERS ?= 2
 # Tests start hundreds of processes, each of which would compile all of SOTER anew.
 unexport PYTHONDONTWRITEBYTECODE
 # What `make conform` judges.
-ADAPTERS ?= kinematic pybullet zenoh mavlink mavsdk $(addprefix soter.adapters.mavlink.harness:,PlainHarness CopterHarness MavsdkCopterHarness) \
+ADAPTERS ?= kinematic pybullet zenoh soter.adapters.zenoh.harness:RoutedHarness mavlink mavsdk $(addprefix soter.adapters.mavlink.harness:,PlainHarness CopterHarness MavsdkCopterHarness) \
 	soter_zmq.harness:ZmqHarness soter_lcm.harness:LcmHarness soter.adapters.ros2.harness:Ros2Harness
 PYTHON_FOLDERS = $(wildcard soter sim tests examples benchmarks tools)
 
@@ -62,7 +62,7 @@ browser-test: ## Open pages of recordings and campaigns in Chromium, at four siz
 	$(VENV)/python -m pytest -n 2 --dist worksteal $(wildcard tests/*/test_*browser.py) $(PYTEST_ARGS)
 
 .PHONY: conform
-conform: ## The whole conformance kit on every adapter that is here, one after the other; an hour and a half (ADAPTERS="zenoh mavlink")
+conform: ## The whole conformance kit on every adapter that is here, one after the other; two hours (ADAPTERS="zenoh mavlink")
 	@tools/env.sh test
 	@tools/env.sh ros2
 	@mkdir -p runs/conform; failed=0; for name in $(ADAPTERS); do \
