@@ -68,8 +68,9 @@ conform: ## The whole conformance kit on every adapter that is here, one after t
 	@mkdir -p runs/conform; failed=0; for name in $(ADAPTERS); do \
 		case $$name in *ros2*) bin=.venv-ros2/bin ;; *) bin=$(VENV) ;; esac; \
 		record=runs/conform/$${name##*:}; rm -f $$record.json; \
-		if PYTHONPATH=examples/adapter-zmq:examples/adapter-lcm $$bin/soter conform $$name --json $$record.json >$$record.txt; \
-		then tail -n 2 $$record.txt; else failed=1; grep -A 1 ^FAIL $$record.txt; tail -n 2 $$record.txt; fi; \
+		PYTHONPATH=examples/adapter-zmq:examples/adapter-lcm $$bin/soter conform $$name --json $$record.json >$$record.txt || \
+			{ failed=1; grep -A 1 ^FAIL $$record.txt; }; \
+		echo "$$name: $$(tail -n 1 $$record.txt)"; \
 	done; exit $$failed
 
 .PHONY: accept
