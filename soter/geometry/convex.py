@@ -182,7 +182,7 @@ class Pieces(Nearest):
         super().__init__(cell_m / _WIDER)
         self._cell_m: Final = cell_m
         bounds = np.array([each.bounds for each in self.all], dtype=np.float64).reshape(-1, 4)
-        self._low, self._high = bounds[:, :2], bounds[:, 2:]
+        self._bounds: Final = tuple(np.ascontiguousarray(each) for each in bounds.T)
         self._middle: Final = np.array([each.middle for each in self.all], dtype=np.float64).reshape(-1, 2)
         self._radius_m: Final = np.array([each.radius_m for each in self.all])
         self._edges: Final = Edges([each.edges for each in self.all])
@@ -207,8 +207,9 @@ class Pieces(Nearest):
         column, row = math.floor(x_m / side), math.floor(y_m / side)
         found = self._within.get((column, row, size))
         if found is None:
-            away = self._boxes_m((column + 0.5) * side, (row + 0.5) * side)
-            chosen = np.flatnonzero(away <= side * (1.0 + math.sqrt(0.5)) * (1.0 + 1e-9))
+            # `reach_m` is at most a cell's side.
+            low_x, low_y, wide = (column - 1) * side, (row - 1) * side, 3.0 * side
+            chosen = self._in_box(low_x, low_y, low_x + wide, low_y + wide)
             found = self._within[column, row, size] = tuple(self.all[index] for index in chosen.tolist())
         return found
 
@@ -285,7 +286,7 @@ class Pieces(Nearest):
     def _near_lines(self, a: Floats, b: Floats, reach_m: float) -> tuple[Indices, Floats]:
         """Return the lines' indices and the distances of the pairs of lines and pieces that may be within `reach_m`."""
         low, high = np.minimum(a, b).min(axis=0) - reach_m, np.maximum(a, b).max(axis=0) + reach_m
-        near = np.flatnonzero((self._low < high).all(axis=1) & (self._high > low).all(axis=1))
+        near = self._in_box(*low.tolist(), *high.tolist())
         # Test the pieces' discs first, which rules out most pairs.
         dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
         from_x, from_y = self._middle[near, 0] - a[:, :1], self._middle[near, 1] - a[:, 1:]
@@ -298,11 +299,12 @@ class Pieces(Nearest):
             return line, np.zeros(0)
         return line, self._edges.lines_m(near[piece], a[line], b[line])
 
-    def _boxes_m(self, x_m: float, y_m: float) -> Floats:
-        at = np.array((x_m, y_m))
-        apart = np.maximum(np.maximum(self._low - at, at - self._high), 0.0)
-        away: Floats = np.hypot(apart[:, 0], apart[:, 1])
-        return away
+    def _in_box(self, low_x_m: float, low_y_m: float, high_x_m: float, high_y_m: float) -> Indices:
+        """Return the indices of the pieces whose bounding boxes meet a box, and of those that only just do not."""
+        low_x, low_y, high_x, high_y = self._bounds
+        hair_m = 1e-9 * (1.0 + max(abs(low_x_m), abs(low_y_m), abs(high_x_m), abs(high_y_m)))
+        across = (low_x <= high_x_m + hair_m) & (high_x >= low_x_m - hair_m)
+        return np.flatnonzero(across & (low_y <= high_y_m + hair_m) & (high_y >= low_y_m - hair_m))
 
     def part(self, column: int, row: int) -> Part:
         x_m, y_m, half_m = (column + 0.5) * self.part_m, (row + 0.5) * self.part_m, self.part_m / 2.0
