@@ -15,6 +15,9 @@ _STEERING: Final = {
 }
 """Ranges of values that are refused. ArduRover treats a pivot angle of 5 degrees or less as none."""
 
+_TURNS: Final = 0.8
+"""The part of its turn rate that is asked for: autopilots swing beyond that, and take long for the end of a turn."""
+
 _ASK_S: Final = 1.0
 _ROUNDED: Final = 1.0 + 1e-6
 """Parameters are sent in single precision."""
@@ -49,14 +52,14 @@ class JudgedParameters:
 
     @property
     def turn_reach_rad(self) -> float:
-        """How far off a heading may be so that its turn slows down no later than the lease ends.
+        """How far off a heading may be that the vehicle is told to turn to.
 
-        It turns as fast as it promises until what is left is less than its gain makes of that; nothing of this is
-        known of a vehicle that does not report its gain.
+        ArduRover turns at its gain times how far off the heading is. Told to turn no farther than this it turns at 80 %
+        of what it promises, and slows down as soon as it hears nothing more. One that does not report its gain is told
+        to turn no farther than it may within its lease.
         """
         gain_per_s = self._vehicle.parameters.get(self._vehicle.kind.turn_gain, 0.0)
-        slows_s = 1.0 / gain_per_s if gain_per_s > 0.0 else 0.0
-        return self._yaw_rate_max_rad_s * (self._promised.lease_s + slows_s)
+        return self._yaw_rate_max_rad_s * (_TURNS / gain_per_s if gain_per_s > 0.0 else self._promised.lease_s)
 
     def why_refused(self) -> str:
         """Return which parameter does not allow the promise, and values that would; empty if all allow it.

@@ -192,10 +192,12 @@ def test_however_slow_it_is_sent_so_far_that_it_sets_out_and_no_farther_than_a_f
     assert puppet.targets()[-1][1]["y"] == pytest.approx(min(0.015, covered_m))
 
 
-@pytest.mark.parametrize(("gain_per_s", "slows_s"), [(None, 0.0), (4.0, 0.25), (0.0, 0.0), (math.nan, 0.0)])
+@pytest.mark.parametrize(
+    ("gain_per_s", "slows_s"), [(None, None), (4.0, 0.2), (2.0, 0.4), (0.0, None), (math.nan, None)]
+)
 @pytest.mark.parametrize("yaw_rad", [-1.0, 3.0])
-def test_a_rover_is_turned_by_headings_no_farther_off_than_its_lease_and_then_sent_to_the_place(
-    puppet: Puppet, yaw_rad: float, gain_per_s: float | None, slows_s: float
+def test_a_rover_is_turned_by_headings_no_farther_off_than_it_turns_as_fast_as_promised_and_then_sent_to_the_place(
+    puppet: Puppet, yaw_rad: float, gain_per_s: float | None, slows_s: float | None
 ) -> None:
     """Sent to a place it would end its turn and drive there, seconds after the lease."""
     puppet.gate = False
@@ -206,7 +208,7 @@ def test_a_rover_is_turned_by_headings_no_farther_off_than_its_lease_and_then_se
     tick(puppet, robot)
     puppet.sent.clear()
     robot.goto(FAR, SC)
-    most_rad = robot.declared.yaw_rate_max_rad_s * (robot.declared.lease_s + slows_s)
+    most_rad = robot.declared.yaw_rate_max_rad_s * (slows_s or robot.declared.lease_s)
     first_rad = abs(puppet.targets()[-1][1]["yaw"] - yaw_rad)
     assert first_rad == pytest.approx(min(most_rad, abs(0.5 * math.pi - yaw_rad)), abs=1e-3)
     for _ in range(20):
