@@ -15,7 +15,7 @@ _STEERING: Final = {
 }
 """Ranges of values that are refused. ArduRover treats a pivot angle of 5 degrees or less as none."""
 
-_TURNS: Final = 0.8
+_TURNS: Final = 0.75
 """The part of its turn rate that is asked for: autopilots swing beyond that, and take long for the end of a turn."""
 
 _ASK_S: Final = 1.0
@@ -54,7 +54,7 @@ class JudgedParameters:
     def turn_reach_rad(self) -> float:
         """How far off a heading may be that the vehicle is told to turn to.
 
-        ArduRover turns at its gain times how far off the heading is. Told to turn no farther than this it turns at 80 %
+        ArduRover turns at its gain times how far off the heading is. Told to turn no farther than this it turns at 75 %
         of what it promises, and slows down as soon as it hears nothing more. One that does not report its gain is told
         to turn no farther than it may within its lease.
         """

@@ -193,7 +193,7 @@ def test_however_slow_it_is_sent_so_far_that_it_sets_out_and_no_farther_than_a_f
 
 
 @pytest.mark.parametrize(
-    ("gain_per_s", "slows_s"), [(None, None), (4.0, 0.2), (2.0, 0.4), (0.0, None), (math.nan, None)]
+    ("gain_per_s", "slows_s"), [(None, None), (4.0, 0.1875), (2.0, 0.375), (0.0, None), (math.nan, None)]
 )
 @pytest.mark.parametrize("yaw_rad", [-1.0, 3.0])
 def test_a_rover_is_turned_by_headings_no_farther_off_than_it_turns_as_fast_as_promised_and_then_sent_to_the_place(
