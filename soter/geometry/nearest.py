@@ -13,6 +13,9 @@ _floor, _hypot, _sqrt = math.floor, math.hypot, math.sqrt
 _MOST: Final = 200_000
 """Most parts of the ground that are cached; after that the cache is cleared."""
 
+_LOOKS: Final = 24
+"""As many looks along a line cost less than to test it against all edges that it may come near."""
+
 Line = tuple[float, float, float]
 """A direction, and what the distance from the line, on its right, is too large by without it."""
 
@@ -88,6 +91,25 @@ class Nearest(ABC):
             if distance < least:
                 least = distance
         return least
+
+    def surely_keeps(self, ax_m: float, ay_m: float, bx_m: float, by_m: float, needed_m: float) -> bool:
+        """Return whether all of a straight line is so far away; False if that would take many looks to know.
+
+        The distance changes by at most a metre per metre, so the line is clear as far around a place as that has to
+        spare (sphere tracing: Hart, "Sphere tracing", The Visual Computer 12, 1996).
+        """
+        dx_m, dy_m = bx_m - ax_m, by_m - ay_m
+        length_m = at_m = math.hypot(dx_m, dy_m)
+        for _ in range(_LOOKS):
+            share = at_m / length_m if length_m else 0.0
+            spare_m = self.distance_m(ax_m + share * dx_m, ay_m + share * dy_m) - needed_m
+            # Written so that NaN is not clear.
+            if not spare_m > 0.0:
+                return False
+            if at_m <= spare_m:
+                return True
+            at_m -= spare_m
+        return False
 
     @abstractmethod
     def part(self, column: int, row: int) -> Part:

@@ -170,7 +170,7 @@ class Site(Workspace):
         """The areas that robots keep out of, or the map's occupied cells."""
         if self.field is not None:
             return self.field
-        return self._indexed([ring for area in self.plan.areas for ring in area.pieces])
+        return self._indexed([ring for area in self.plan.areas for ring in area.pieces], self.cell_m)
 
     @cached_property
     def field(self) -> Field | None:
@@ -185,7 +185,7 @@ class Site(Workspace):
     @cached_property
     def outside(self) -> Pieces:
         """The outside of the fence, with a wide rim around its bounding box; empty without a fence."""
-        return self._indexed(()) if self.plan.fence is None else self._outside(self.plan.around)
+        return self._indexed((), self.cell_m) if self.plan.fence is None else self._outside(self.plan.around)
 
     @cached_property
     def from_fence(self) -> Nearest:
@@ -207,13 +207,14 @@ class Site(Workspace):
             ((far_x, far_y), (wide_x, far_y), (wide_x, low_y), (far_x, low_y)),
             ((far_x, high_y), (wide_x, high_y), (wide_x, wide_y), (far_x, wide_y)),
         )
-        return self._indexed((*around, *rim))
+        # Robots are mostly farther from it than from obstacles, where larger cells do as well.
+        return self._indexed((*around, *rim), 2.0 * self.cell_m)
 
-    def _indexed(self, rings: Sequence[Ring]) -> Pieces:
+    def _indexed(self, rings: Sequence[Ring], cell_m: float) -> Pieces:
         # Imported here: a planner's worker process and robots' programs use sites, but need no index.
         from soter.geometry.convex import Pieces
 
-        return Pieces(rings, self.cell_m)
+        return Pieces(rings, cell_m)
 
     def fence_m(self, x_m: float, y_m: float) -> float:
         return self.from_fence.distance_m(x_m, y_m)
@@ -229,6 +230,8 @@ class Site(Workspace):
             return least
         # The distance changes by at most a metre per metre.
         if here_m + there_m - math.hypot(bx_m - ax_m, by_m - ay_m) >= 2.0 * enough_m:
+            return enough_m
+        if self.from_fence.surely_keeps(ax_m, ay_m, bx_m, by_m, enough_m):
             return enough_m
         return self.outside.segment_m(ax_m, ay_m, bx_m, by_m, enough_m)
 

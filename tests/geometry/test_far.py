@@ -71,12 +71,18 @@ def test_a_distance_changes_by_no_more_than_a_metre_a_metre(site: Site) -> None:
 
 
 def test_a_leg_is_as_far_from_the_fence_as_it_is(site: Site) -> None:
-    polygon, spots = shapely.Polygon(site.plan.fence), places(site)
+    polygon, spots, sure = shapely.Polygon(site.plan.fence), places(site), 0
     for a, b in zip(spots[::2], spots[1::2], strict=True):
         line = shapely.LineString([a, b])
         true_m = polygon.exterior.distance(line) if polygon.contains(line) else 0.0
         for needed_m in (0.3, 1.2, 2.5):
             assert site.outside.line_keeps(*a, *b, needed_m) == (true_m >= needed_m)
+            if true_m > 0.0:
+                assert site.fence_along_m(*a, *b, needed_m) == pytest.approx(min(true_m, needed_m), abs=EXACT_M)
+            surely = site.from_fence.surely_keeps(*a, *b, needed_m)
+            assert true_m >= needed_m or not surely
+            sure += surely
+    assert sure > 10
 
 
 def test_a_fence_with_few_corners_is_exact_everywhere() -> None:
