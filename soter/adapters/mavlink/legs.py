@@ -54,15 +54,17 @@ class TargetLeg(NamedTuple):
         return abs(wrapped_rad(target.heading_rad - course_rad))
 
     def ended(self, at: RobotState, noise_m: float) -> bool:
-        """Return whether the robot has driven the leg and arrived, as far as the noise of positions lets that be known.
+        """Return whether the robot is at the target, as far as the noise of positions lets that be known.
 
-        A rover that has rolled a little beyond a place, and is sent there again, turns round in place and goes back.
+        A rover that is a little beside a place, and is sent there, turns round in place and goes there. So one that is
+        to arrive with a heading, and has been there from the start, is not there yet.
         """
         target = self.target
         # Both the start of the leg and the position now may be off by the noise.
         near_m = 2.0 * noise_m
-        driven = math.hypot(target.x_m - self.x_m, target.y_m - self.y_m) > near_m
-        return driven and math.hypot(target.x_m - at.x_m, target.y_m - at.y_m) <= min(near_m, target.radius_m)
+        if math.hypot(target.x_m - at.x_m, target.y_m - at.y_m) > min(near_m, target.radius_m):
+            return False
+        return target.heading_rad is None or math.hypot(target.x_m - self.x_m, target.y_m - self.y_m) > near_m
 
     def looking_ahead(self, at: RobotState) -> Waypoint:
         """Return a copter's target for now: first a turn on the spot towards the target, then the target itself.

@@ -90,6 +90,7 @@ class MavlinkRobot(Robot):
         )
         self._charge = Controller.SC
         self._leg: TargetLeg | None = None
+        self._sent_to: Goal
         self._turns = False
         self._refusal = ""
         self._gated = False
@@ -146,7 +147,7 @@ class MavlinkRobot(Robot):
             if leg is not None and not leg.along:
                 raise Unsupported(f"robot {self.id}: its autopilot arrives with no heading but that of its way")
         if leg is not None:
-            self._leg = leg
+            self._leg, self._sent_to = leg, goal
             self._send_target(at)
 
     def _sample(self) -> RobotState | None:
@@ -330,6 +331,9 @@ class MavlinkRobot(Robot):
         # What a boat drifts is no error of its places.
         noise_m = promised.position_noise_m - self._judged.drift_m
         ended = not self._sampler.flies and leg.ended(at, noise_m)
+        if ended and not self._sent_to.active:
+            # It has arrived, and stays: when its places drift, it would turn round in place to get back.
+            self._leg = None
         if left_s <= 0.0 or ended or self._standing.is_late(at) or self._standing.brakes:
             self._stand(at)
             return

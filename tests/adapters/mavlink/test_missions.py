@@ -19,7 +19,7 @@ from soter.config import load_mission
 from soter.conformance import CLAUSES, Verdict, find_harness, judge, select
 from soter.conformance.given import Given, GivenHarness
 from soter.runner import Follower, RunResult, run_mission
-from soter.sdk import Controller, RobotSpec, Waypoint
+from soter.sdk import Controller, GoalStatus, RobotSpec, Waypoint
 from soter_sim.mavlink.kinds import Mode
 from tests.adapters.mavlink.virtual import BACKEND, VirtualBackend, VirtualConfig, Wire
 
@@ -230,6 +230,22 @@ def test_a_rover_that_has_rolled_beyond_its_target_does_not_turn_round() -> None
             turned_rad = max(turned_rad, abs(math.remainder(heading_rad - 0.3, math.tau)))
         assert math.dist((x_m, y_m), (spec.x_m + 2.0, spec.y_m + 1.0)) <= 0.3
         assert turned_rad < 0.5
+
+
+def test_a_rover_that_is_sent_to_where_it_is_stays_there() -> None:
+    config, spec = given_vehicle()
+    with VirtualBackend().open(config, [spec]) as fleet:
+        (robot,) = fleet.robots
+        robot.init(60.0)
+        robot.switch_ac_sc(Controller.AC, "test")
+        at = robot.read_state()
+        goal = robot.goto(Waypoint(at.x_m - 0.03, at.y_m - 0.02, radius_m=0.1), Controller.AC)
+        for _ in range(100):
+            fleet.clock.sleep_until(fleet.clock.now() + 0.05)
+            robot.read_state()
+            robot.renew_lease()
+            assert abs(VirtualBackend.wire.world.truth.pose(1)[2] - spec.heading_rad) <= 0.05
+        assert goal.status is GoalStatus.REACHED
 
 
 def test_a_safe_controllers_leg_back_is_driven_backwards() -> None:
