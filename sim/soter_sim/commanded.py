@@ -6,7 +6,7 @@ To support a wire, write a subclass of `CommandedEndpoint` and a module that cal
 python -m MODULE [WORKSPACE.xml] [--at JSON] [--truth-port PORT] [--parent PID]
 ```
 
-Without a workspace the world comes as JSON on standard input. The first line printed is JSON: `{"robots": {"1":
+Without a workspace the world comes as MessagePack on standard input. The first line printed is JSON: `{"robots": {"1":
 ADDRESS}, "truth": "127.0.0.1:PORT", "control": {...}}`: the robots' addresses, that of `soter_sim.truth_server`, and
 how to reach `soter_sim.faults`. `soter.sdk.wire.Simulator` starts it so. `--at` takes the addresses that an earlier
 simulator printed.

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from pydantic import TypeAdapter
+import msgspec
 
 from soter.geometry.site import SitePlan, from_plain
 from soter.geometry.workspace import Workspace
@@ -31,7 +31,7 @@ def make_parser(module: str, what: str, example: str | None = None) -> argparse.
         example: example of a namespace, for robots whose bases are sent velocities; None for other robots.
     """
     parser = argparse.ArgumentParser(
-        prog=f"python -m {module}", description=f"Simulated {what}, in real time; the world comes as JSON on "
+        prog=f"python -m {module}", description=f"Simulated {what}, in real time; the world comes as MessagePack on "
         "standard input.",
     )  # fmt: skip
     if example is not None:
@@ -50,10 +50,19 @@ def read_namespaces(text: str) -> dict[int, str]:
 
 
 def read_world() -> tuple[Workspace, Sequence[RobotSpec], RuleLimits]:
-    """Read a world, and what its mission promises, from standard input."""
-    made_of, robots, limits = TypeAdapter(tuple[Workspace | SitePlan, tuple[RobotSpec, ...], RuleLimits]).validate_json(
-        sys.stdin.buffer.read()
-    )
+    """Read a world, and what its mission promises, from standard input.
+
+    Raises:
+        ValueError: there is none.
+    """
+    try:
+        room, site, robots, limits = msgspec.msgpack.decode(
+            sys.stdin.buffer.read(), type=tuple[Workspace | None, SitePlan | None, tuple[RobotSpec, ...], RuleLimits]
+        )
+    except msgspec.DecodeError as failure:
+        raise ValueError(f"standard input holds no world: {failure}") from failure
+    made_of = room if site is None else site
+    assert made_of is not None
     return from_plain(made_of), robots, limits
 
 

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
-from pydantic import Field, TypeAdapter
+import msgspec
+from pydantic import Field
 
 from soter.clock import VehicleClock
 from soter.errors import RobotUnavailable
@@ -23,9 +24,9 @@ from soter.sdk.values import RobotSpec, RuleLimits
 
 def describe(workspace: Workspace, robots: Sequence[RobotSpec], limits: RuleLimits) -> bytes:
     """Return a world in the encoding that simulators read; see `soter_sim.program.read_world`."""
-    return TypeAdapter(tuple[Workspace | SitePlan, tuple[RobotSpec, ...], RuleLimits]).dump_json(
-        (plain(workspace), tuple(robots), limits)
-    )
+    made_of = plain(workspace)
+    both = (None, made_of) if isinstance(made_of, SitePlan) else (made_of, None)
+    return msgspec.msgpack.encode((*both, robots, limits))
 
 
 class Runs(Protocol):

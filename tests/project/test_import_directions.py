@@ -187,7 +187,9 @@ LIBRARIES: dict[str, set[str] | None] = {
         "soter.distribution",
         "soter.isolation",
         "soter.record",
+        "soter.sdk.wire",  # worlds, for the programs of simulated robots
         "soter.stack.planners.worker",
+        "soter_sim.program",
     },
     "mcap": {"soter.record"},
     "cryptography": {"soter.record.signing"},

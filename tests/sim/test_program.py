@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
+from io import BytesIO
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from soter.config import load_mission
+from soter.sdk import RobotSpec, RuleLimits
+from soter.sdk.wire import describe
 from soter_sim import program
+from tests.sdk.fake import capabilities
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 def test_a_world_whose_starter_is_gone_ends_without_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,3 +36,16 @@ def test_a_world_whose_starter_is_gone_ends_without_a_word(monkeypatch: pytest.M
         monkeypatch.setattr(sys, "stdout", stdout)
         program.serve(endpoint, ended)
     assert did == ["ran", "closed"]
+
+
+@pytest.mark.parametrize("mission", ["surveillance.toml", "worlds/patrol.toml", "worlds/flat-patrol.toml"])
+def test_a_world_is_read_as_it_was_described(mission: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    workspace = load_mission(EXAMPLES / mission).read_workspace()
+    promised = capabilities(v_max_m_s=0.5)
+    robots = tuple(
+        RobotSpec(each.id, each.x_m, each.y_m, each.heading_rad, drive_s=math.inf, promised=promised)
+        for each in workspace.robots
+    )
+    described = describe(workspace, robots, RuleLimits())
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=BytesIO(described)))
+    assert program.read_world() == (workspace, robots, RuleLimits())

@@ -64,7 +64,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    says = "Simulated vehicles on MAVLink; the world comes as JSON on standard input."
+    says = "Simulated vehicles on MAVLink; the world comes as MessagePack on standard input."
     parser = argparse.ArgumentParser(prog="python -m soter_sim.mavlink", description=says)
     parser.add_argument("--udp", type=int, action="append", default=[], help="send to this port of this host")
     parser.add_argument("--tcp", type=int, action="append", default=[], help="listen on this port; 0 for any free one")

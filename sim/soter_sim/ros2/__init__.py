@@ -6,7 +6,6 @@ velocity. `/clock` shows the world's time at 60 Hz, and `clock` in the namespace
 it. SOTER is not part of it: the mux in front of `cmd_vel`, which is started beside it, one process for each robot,
 decides which controller drives.
 
-The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
-`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "control":
-{...}}`, the address of `soter_sim.truth_server` and how to reach `soter_sim.faults`.
+The world comes on standard input, as `soter.sdk.wire.describe` writes it. The first line printed is JSON: `{"truth":
+"127.0.0.1:PORT", "control": {...}}`, the address of `soter_sim.truth_server` and how to reach `soter_sim.faults`.
 """

@@ -5,8 +5,7 @@ Each robot has a namespace with the keys of a ROS 2 robot's base behind zenoh-br
 0.2 s after the last velocity. The key `clock` in the namespace shows the robot's own time at 60 Hz. The mux in front of
 `cmd_vel`, which is started beside it, one process for each robot, decides which controller drives.
 
-The world comes as JSON on standard input: a list of `soter.geometry.workspace.Workspace` and of the
-`soter.sdk.RobotSpec` of its robots. The first line printed is JSON too: `{"truth": "127.0.0.1:PORT", "control": {...},
-"endpoints": ["tcp/127.0.0.1:PORT"]}`, the address of `soter_sim.truth_server`, how to reach `soter_sim.faults`, and
-where its Zenoh session listens.
+The world comes on standard input, as `soter.sdk.wire.describe` writes it. The first line printed is JSON: `{"truth":
+"127.0.0.1:PORT", "control": {...}, "endpoints": ["tcp/127.0.0.1:PORT"]}`, the address of `soter_sim.truth_server`, how
+to reach `soter_sim.faults`, and where its Zenoh session listens.
 """

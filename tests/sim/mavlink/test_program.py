@@ -23,7 +23,7 @@ from soter_sim.mavlink.__main__ import main
 from soter_sim.mavlink.simulation import Settings, Simulation
 from tests.project.source import ROOT
 from tests.sim.mavlink.client import CUSTOM, HOST, Client
-from tests.sim.mavlink.programs import WORLD, finished, vehicles
+from tests.sim.mavlink.programs import WORLD, finished, vehicles, world_of
 from tests.sim.worlds import empty
 from tests.waiting import eventually
 
@@ -67,7 +67,7 @@ def test_it_ends_with_its_parent() -> None:
         "import os, subprocess, sys\n"
         "from tests.sim.mavlink.programs import WORLD\n"
         "child = subprocess.Popen([sys.executable, '-m', 'soter_sim.mavlink', '--tcp', '0', '--parent', "
-        "str(os.getpid())], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)\n"
+        "str(os.getpid())], stdin=subprocess.PIPE, stdout=subprocess.PIPE)\n"
         "child.stdin.write(WORLD); child.stdin.close()\n"
         "child.stdout.readline(); print(child.pid)\n"
     )
@@ -107,19 +107,19 @@ def test_it_ends_with_its_parent() -> None:
         (["--tcp", "0", "--origin", "89,0,0"], WORLD, "the latitude from -85 to 85"),
         (["--tcp", "0", "--origin", "nan,0,0"], WORLD, "origin is 'nan,0,0'"),
         (["--tcp", "0", "--sign", "/nowhere"], WORLD, "/nowhere: the passphrase cannot be read"),
-        (["--tcp", "0"], WORLD.replace('"id":2', '"id":1'), "each number once"),
-        (["--tcp", "0"], "not json", "Invalid JSON"),
+        (["--tcp", "0"], world_of(RobotSpec(1, 5.0, 5.0, 0.0), RobotSpec(1, 7.0, 5.0, 0.0)), "each number once"),
+        (["--tcp", "0"], b"{}", "standard input holds no world"),
     ],
 )
 def test_what_is_not_allowed_is_named_and_nothing_starts(
     arguments: list[str],
-    world: str,
+    world: bytes,
     message: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["mavlink", *arguments])
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(world.encode())))
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(world)))
     assert main() == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -128,9 +128,9 @@ def test_what_is_not_allowed_is_named_and_nothing_starts(
 
 
 def test_a_world_that_is_none_ends_it_without_a_traceback() -> None:
-    done = finished("--tcp", "0", world="[]")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: ")
+    done = finished("--tcp", "0", world=b"[]")
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert done.stderr.startswith(b"error: ")
     assert len(done.stderr.splitlines()) == 1
 
 

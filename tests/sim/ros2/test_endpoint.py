@@ -14,8 +14,8 @@ import pytest
 
 from soter.adapters.velocity_controlled.motion import seconds
 from soter.adapters.velocity_controlled.robot import wait_for
-from soter.geometry.workspace import Workspace
-from soter.sdk import RobotSpec, RuleLimits
+from soter.sdk import RuleLimits
+from soter.sdk.wire import describe
 from tests.adapters.velocity_controlled.base import says_where_it_stands, stops_by_itself
 from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 from tests.adapters.velocity_controlled.processes import end_with_their_parent
@@ -69,8 +69,6 @@ def domain_id() -> Iterator[int]:
 @pytest.fixture
 def face(domain_id: int) -> Iterator[subprocess.Popen[bytes]]:
     """The face alone, without a mux in front of it."""
-    from pydantic import TypeAdapter
-
     from soter.adapters.ros2.simulator import environment
 
     process = subprocess.Popen(
@@ -80,8 +78,7 @@ def face(domain_id: int) -> Iterator[subprocess.Popen[bytes]]:
     )  # fmt: skip
     with process:
         assert process.stdin is not None
-        described = TypeAdapter(tuple[Workspace, list[RobotSpec], RuleLimits])
-        process.stdin.write(described.dump_json((ROOM.with_robots(1), SPECS[:1], RuleLimits())))
+        process.stdin.write(describe(ROOM.with_robots(1), SPECS[:1], RuleLimits()))
         process.stdin.close()
         yield process
         process.terminate()

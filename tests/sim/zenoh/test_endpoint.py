@@ -14,15 +14,14 @@ from typing import Any
 
 import pytest
 import zenoh
-from pydantic import TypeAdapter
 
 from soter.adapters.velocity_controlled.motion import seconds
 from soter.adapters.zenoh.messages import BatteryState, Odometry, RosClock, String, Twist, Vector3
 from soter.adapters.zenoh.session import SessionOptions
 from soter.adapters.zenoh.talk import Ear, Voice
-from soter.geometry.workspace import Workspace
-from soter.sdk import RobotSpec, RuleLimits
+from soter.sdk import RuleLimits
 from soter.sdk.program import Faults
+from soter.sdk.wire import describe
 from tests.adapters.velocity_controlled.base import says_where_it_stands, stops_by_itself
 from tests.adapters.velocity_controlled.driving import ROOM, SPECS
 from tests.adapters.velocity_controlled.processes import end_with_their_parent
@@ -40,8 +39,7 @@ def start(*options: str) -> subprocess.Popen[bytes]:
     assert process.stdin is not None
     # One that refuses does not read it.
     with suppress(BrokenPipeError):
-        described = TypeAdapter(tuple[Workspace, list[RobotSpec], RuleLimits])
-        process.stdin.write(described.dump_json((ROOM.with_robots(1), SPECS[:1], RuleLimits())))
+        process.stdin.write(describe(ROOM.with_robots(1), SPECS[:1], RuleLimits()))
         process.stdin.close()
     return process
 
