@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _FASTER: Final = 1.05
 _TURNS: Final = 1.1
+_GAINS: Final = 1.1
 _TURNS_RAD_S: Final = 0.1
 _OFF_M: Final = 0.001
 _OFF_RAD: Final = 0.05
@@ -45,6 +46,10 @@ _CAUSES: Final[dict[str, dict[str, str]]] = {
     "yaw_rate_max_rad_s": {_SEAM: "it is a difference of headings, and leaps there: take that from -pi to pi"}
     | _TOO_FAST,
     "speed_noise_m_s": {"": _LONE},
+    "accel_m_s2": {
+        "": "from one sample to the next it gains speed at once: what limits its acceleration counts from what it was "
+        "told, and not from its speed, after a stop, the end of a lease or a hand-over"
+    },
     "position_noise_m": {
         _ZEROS: "a place that is not known, or not yet since it was switched on, is handed out as zeros: drop that",
         "while it moves": "samples are of an older place than their stamp says, or of a smoothed or foreseen one",
@@ -65,7 +70,7 @@ class Always:
     def __init__(self) -> None:
         self._worst: dict[str, tuple[float, str]] = {}
         self._only: dict[str, set[str]] = {}
-        self._recent: dict[int, deque[RobotState]] = {}
+        self._recent: dict[Robot, deque[RobotState]] = {}
 
     @property
     def wrong(self) -> str:
@@ -75,6 +80,10 @@ class Always:
         promise = max(self._worst, key=lambda each: self._worst[each][0])
         when = next(each for each in _CAUSES[promise] if not each or each in self._only[promise])
         return f"{self._worst[promise][1]}{f', only {when}' * bool(when)}: {_CAUSES[promise][when]}"
+
+    def begin(self) -> None:
+        """Begin with a fresh fleet, whose samples do not go on from those of the fleet before."""
+        self._recent.clear()
 
     def note(self, bench: Judging, robot: Robot, state: RobotState) -> None:
         """Check a sample that was read just now."""
@@ -87,6 +96,7 @@ class Always:
         turns_rad_s, most_rad_s = abs(state.yaw_rate_rad_s), _TURNS * rate_rad_s + _TURNS_RAD_S
         self._keep("yaw_rate_max_rad_s", turns_rad_s, most_rad_s, robot, link | seam)
         if not bench.faulty:
+            self._note_gain(robot, state, noise_m_s)
             self._note_lone(robot, state, noise_m_s)
         truth = bench.fleet.truth
         if truth is None:
@@ -106,9 +116,21 @@ class Always:
         self._keep("position_noise_m", off_m, may_be_m + caps.v_max_m_s * age_s, robot, when)
         self._keep("heading_noise_rad", off_rad, may_be_rad + rate_rad_s * age_s, robot, when)
 
+    def _note_gain(self, robot: Robot, state: RobotState, noise_m_s: float) -> None:
+        """Check how fast the robot has gained speed since the two samples before, if it promises how fast it may.
+
+        One sample may be wrong, as `_note_lone` sees.
+        """
+        caps, recent = robot.capabilities, list(self._recent.get(robot, ()))[-2:]
+        if caps.accel_m_s2 is None or len(recent) < 2 or state.stamp_s <= recent[-1].stamp_s:
+            return
+        passed_s = state.stamp_s - recent[0].stamp_s + (0.0 if caps.in_process else caps.jitter_s)
+        gained_m_s = _speed_m_s(state) - max(map(_speed_m_s, recent))
+        self._keep("accel_m_s2", gained_m_s / passed_s, _GAINS * caps.accel_m_s2 + 2.0 * noise_m_s / passed_s, robot)
+
     def _note_lone(self, robot: Robot, state: RobotState, noise_m_s: float) -> None:
         """Check the velocity of a sample against those around it, if they show an even motion for one goal."""
-        recent = self._recent.setdefault(robot.id, deque(maxlen=2 * _AROUND + 1))
+        recent = self._recent.setdefault(robot, deque(maxlen=2 * _AROUND + 1))
         if recent and state.stamp_s <= recent[-1].stamp_s:
             return
         recent.append(state)

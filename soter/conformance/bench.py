@@ -56,6 +56,7 @@ class Bench(Judging):
             raise NotTested("no truth: neither Fleet.truth nor the hook 'observe' is given")
         self.tracks = {robot.id: [] for robot in fleet.robots}
         self._stamps.clear()
+        self.always.begin()
         return fleet
 
     def open(self, robots: int = 1, in_charge: Controller = Controller.AC) -> tuple[Robot, ...]:

@@ -18,7 +18,7 @@ from soter.conformance.bench import Bench
 from soter.conformance.clause import Clause, Tier
 from soter.conformance.figure import Figure
 
-KIT_VERSION: Final = "2.33"
+KIT_VERSION: Final = "2.34"
 """Changes whenever an adapter that conformed might no longer do so."""
 
 NOT_DECLARED: Final = "not declared: "

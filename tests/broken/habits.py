@@ -7,13 +7,14 @@ import socket
 from typing import Any, Final
 
 from soter.sdk import Goal, RobotState, Waypoint
-from tests.broken.edits import edited, sampled, targeted, wired
+from tests.broken.edits import driven, edited, promising, sampled, targeted, wired
 from tests.broken.in_process import Broken, not_cancelled
 from tests.broken.on_wire import BrokenWire
-from tests.broken.parts import memory, with_control
-from tests.conformance.wire import WireRobot
+from tests.broken.parts import Exact, memory, with_control
+from tests.conformance.wire import Intent, Vehicle, WireRobot
 
 _FLAT: Final = 0.02
+_DEAD_M_S: Final = 0.012
 
 
 def _differenced(robot: Any, state: RobotState) -> RobotState:
@@ -134,6 +135,48 @@ def _named_after_robot(self: Any, *arguments: Any) -> None:
     self.wanted = self.wanted._replace(session=self.id)
 
 
+def _capped_until_resumed(robot: Any, state: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    """Forget the cap at the end of a lease."""
+    cap, lived = memory(robot, "cap", lambda: [None]), memory(robot, "lived", lambda: [False])
+    alive = robot._mux.alive(state[0])
+    if lived[0] and not alive:
+        cap[0] = None
+    lived[0] = alive
+    return (speed if cap[0] is None else math.copysign(min(abs(speed), cap[0]), speed)), rate
+
+
+def _in_a_dead_band(_: Any, __: tuple[float, ...], speed: float, rate: float) -> tuple[float, float]:
+    return (speed if abs(speed) >= _DEAD_M_S else 0.0), rate
+
+
+def _jumps_on(self: Any) -> None:
+    """Have the first speed after the end of a lease at once."""
+    now_s, i = self._world.now_s, self._index
+    again = memory(self, "renewed", lambda: [False])
+    jumps = again[0] and not self._mux.alive(now_s)
+    Broken._renew_lease(self)
+    again[0] = True
+    if jumps:
+        at = self._x[i], self._y[i], self._heading[i], self._v[i], self._yaw_rate[i]
+        self._v[i] = max(self._v[i], self._vehicle.control(now_s, *at)[0])
+
+
+class _JumpsOn(Exact):
+    _renew_lease = _jumps_on
+
+
+def _begins_anew(self: Any, intent: Intent, clock_s: float) -> bool:
+    """Compare numbers of sixteen bits, and take whatever comes once nothing newer has come for a second."""
+    number = intent.number & 0xFFFF
+    kept = memory(self, "follows", lambda: [clock_s])
+    if intent.session == self.session and number <= self.heard & 0xFFFF and clock_s - kept[0] < 1.0:
+        return False
+    if intent.session == self.session or Vehicle.follows(self, intent, clock_s):
+        kept[0] = clock_s
+        return True
+    return False
+
+
 HABITS: Final = (
     sampled("TurnDifferenced", "Takes differences of headings for turn rates, and does not mind pi.", "state.yaw_rate",
             "leaps at pi", _differenced),
@@ -151,6 +194,13 @@ HABITS: Final = (
            "authority.at_once", "leaves in force", _send_goto=_waits, _renew_lease=_renews_and_sends),
     targeted("CappedForwards", "Compares speeds with a cap as they are, backwards ones too.", "goto.speed_cap",
              "backwards", _uncapped, _connect=with_control(_capped_forwards)),
+    targeted("CappedUntilResumed", "Forgets the cap of a goal at the end of a lease, and goes on without.",
+             "goto.speed_cap", "once its lease is renewed again", _uncapped,
+             _connect=with_control(_capped_until_resumed)),
+    edited("DeadBand", "Takes low speeds for none, to spare its motors.", "goto.crawls", "suppressed",
+           _connect=with_control(_in_a_dead_band)),
+    promising(_JumpsOn, "JumpsOn", "Gains speed at once when it goes on after the end of a lease.",
+              "deadman.recovers", "gains speed at once"),
     targeted("SamePlace", "Takes a goto to the place that it drives to for the same.", "goto.speed_cap",
              "taken for the same", _same_place),
     targeted("NearIsThere", "Takes a goal near the robot for reached, whatever its heading.", "goto.heading",
@@ -162,6 +212,8 @@ HABITS: Final = (
 )  # fmt: skip
 
 HABITS_ON_WIRE: Final[tuple[type[BrokenWire], ...]] = (
+    driven("BeginsAnewLate", "Numbers its messages by sixteen bits, and begins anew after a second without newer ones.",
+           "endurance.counters", "begins anew", follows=_begins_anew),
     wired("SparesMessages", "Drops what is sent within 0.03 s of something else, since the next says it all again.",
           "bounds.latency", "some are dropped", want=_spared),
     wired("NamedAfterRobot", "Has every program say the name of the robot for its own.", "authority.one_program",

@@ -142,12 +142,15 @@ def accepted_is_not_reached(bench: Bench) -> None:
     target = bench.place(robot, -0.8)
     slow_m_s = bench.look(robot).distance_m(target.x_m, target.y_m) / _LASTS_S
     target = target._replace(speed_m_s=slow_m_s, timeout_s=_GIVEN_S)
+    began = bench.look(robot)
     goal = robot.goto(target, Controller.AC)
     bench.run(target.timeout_s, lambda: not goal.active)
+    moved = bench.look(robot).distance_m(began.x_m, began.y_m) > bench.near_m
     bench.require_status(
         goal, GoalStatus.REACHED,
         f"a leg that takes {_LASTS_S:.0f} s is given up before the {target.timeout_s:.0f} s of its timeout_s: the "
-        "vehicle has a time-out of its own",
+        "vehicle has a time-out of its own"
+        if moved else f"it stays where it is: a speed as low as {slow_m_s:.3g} m/s is suppressed as if it were 0",
     )  # fmt: skip
 
 

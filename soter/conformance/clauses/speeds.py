@@ -16,6 +16,7 @@ _KEPT = "the cap of an earlier goal is kept, or speeds are planned for a leg as 
 _PLANNED_ONCE = f"the speed_m_s of a goal that takes another's place on the way is not taken up: {_KEPT}"
 _THE_SAME = "a goal to the place that is driven to already is taken for the same, and its speed_m_s left out"
 _CRAWLS, _CRAWLS_S, _TURNS_S = 0.04, 14.0, 5.0
+_GETS_ON, _RESUMES_S = 0.5, 2.0
 
 
 def _measure(bench: Bench, robot: Robot, name: str, cap_m_s: float, cause: str) -> None:
@@ -102,6 +103,16 @@ def speed_cap(bench: Bench) -> None:
         _measure(bench, robot, "slowed_speed_m_s", cap, cause)
         bench.go(robot, bench.place(robot, 0.15))
     _begin_at_rest(bench, robot, cap)
+    goal = bench.get_going(robot, bench.place(robot, 0.8, speed_m_s=cap))
+    bench.run(bench.orphaned_s(), renew=False)
+    bench.run(_RESUMES_S)
+    goal.cancel()
+    _measure(
+        bench, robot, "resumed_speed_m_s", cap,
+        "a goal that goes on once its lease is renewed again does not keep to its speed_m_s: what goes on is the "
+        "place, and the cap, which was sent apart from it, is not set again",
+    )  # fmt: skip
+    _begin_at_rest(bench, robot, cap)
     goal = robot.goto(bench.place(robot, -0.95, speed_m_s=_LEAST * bench.caps.v_max_m_s), Controller.AC)
     bench.settle()
     goal.cancel()
@@ -134,6 +145,14 @@ def crawls(bench: Bench) -> None:
             f"{away_m - least_m:.3f} m farther from its target than it had been: it takes slow progress for none, and "
             "backs away to try again; nobody has certified that way",
         )
+    far_m = _CRAWLS * bench.caps.v_max_m_s * _CRAWLS_S
+    got_m = bench.look(robot).distance_m(began.x_m, began.y_m)
+    bench.measure(
+        "crawled_m", got_m, _GETS_ON * far_m, bench.noise_m,
+        f"sent on at {target.speed_m_s:.3g} m/s it should have got on by {far_m:.3f} m: so low a speed is suppressed "
+        "as if it were 0, on its way or by its motors",
+        at_least=True,
+    )  # fmt: skip
 
 
 @clause("goto.v_max", truth=True)
