@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Final
 from xml.etree.ElementTree import Element, ParseError
 
@@ -16,12 +17,15 @@ from soter.problems import shown_value
 FENCE: Final = "fence"
 """Prefix of the name of the placemark whose polygon is the outer boundary."""
 
+_PLACES: Final = ("coordinates", "coord", "Location")
+"""What has the places of shapes, of tracks and of models."""
+
 
 def read(data: bytes, source: str) -> Draft:
     """Return the draft in a KML file.
 
     The polygon of the placemark whose name begins with `fence` is the boundary, other polygons are keep-outs, and
-    points are stations. Heights are not read. The origin is the middle of all places.
+    points are stations. Other shapes are refused. Heights are not read. The origin is the middle of all places.
 
     Raises:
         ConfigError: the file is no KML.
@@ -45,20 +49,25 @@ def read(data: bytes, source: str) -> Draft:
     for number, mark in enumerate((each for each in root.iter() if _tag(each) == "Placemark"), start=1):
         name = next((each.text for each in mark if _tag(each) == "name"), None) or f"Placemark {number}"
         name = name.strip()
+        taken: set[Element] = set()
         for shape in mark.iter():
             if _tag(shape) == "Polygon":
-                outer = [_corners(draft, name, each) for each in shape if _tag(each) == "outerBoundaryIs"]
-                holes = [_corners(draft, name, each) for each in shape if _tag(each) == "innerBoundaryIs"]
+                outer = [_corners(draft, name, each, taken) for each in shape if _tag(each) == "outerBoundaryIs"]
+                # Some programs write all holes into one element.
+                inner = [ring for each in shape if _tag(each) == "innerBoundaryIs" for ring in each]
+                holes = [_corners(draft, name, each, taken) for each in inner]
                 if len(outer) != 1:
                     draft.note(name, f"its polygon has {len(outer)} outer boundaries, allowed: one")
                 else:
                     rings.append((name, outer[0], holes))
             elif _tag(shape) == "Point":
-                found = _corners(draft, name, shape)
+                found = _corners(draft, name, shape, taken)
                 if len(found) != 1:
                     draft.note(name, f"its point has {len(found)} places, allowed: one")
                 else:
                     points.append((name, found[0]))
+        if (other := _other_shape(mark, taken)) is not None:
+            draft.note(name, f"it has places in a <{other}>, allowed: in the boundaries of a Polygon, and in a Point")
     places = [at for _, ring, _ in rings for at in ring] + [at for _, at in points]
     if draft.problems or not places:
         return draft
@@ -85,9 +94,29 @@ def _tag(element: Element) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
-def _corners(draft: Draft, name: str, element: Element) -> list[tuple[float, float]]:
-    """Return latitudes and longitudes; KML has longitude, latitude and maybe a height."""
-    text = next((each.text for each in element.iter() if _tag(each) == "coordinates"), None) or ""
+def _other_shape(mark: Element, taken: Collection[Element]) -> str | None:
+    """Return the tag of what has places that were not read, such as a line: robots would not keep out of it."""
+    for shape in mark.iter():
+        if any(_tag(each) in _PLACES and each not in taken for each in shape):
+            return _tag(shape)
+    return None
+
+
+def _corners(draft: Draft, name: str, element: Element, taken: set[Element]) -> list[tuple[float, float]]:
+    """Return latitudes and longitudes, and add what holds them to `taken`.
+
+    KML has longitude, latitude and maybe a height.
+    """
+    lists = [each for each in element.iter() if _tag(each) == "coordinates"]
+    taken.update(lists)
+    if len(lists) > 1:
+        draft.note(name, f"a <{_tag(element)}> has {len(lists)} lists of coordinates, allowed: one")
+        return []
+    # The text behind an element is not its parent's.
+    if inside := [each for coordinates in lists for each in coordinates]:
+        draft.note(name, f"there is a <{_tag(inside[0])}> among its coordinates, allowed: text")
+        return []
+    text = "".join(each.text or "" for each in lists)
     found: list[tuple[float, float]] = []
     for word in text.split():
         try:

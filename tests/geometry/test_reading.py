@@ -27,6 +27,7 @@ ORIGIN = GeoOrigin(47.6187, 9.4402)
 FENCE = [(-20.0, -15.0), (20.0, -15.0), (20.0, 15.0), (2.0, 15.0), (0.0, 2.0), (-20.0, 10.0)]
 SHED = [(5.0, -8.0), (9.0, -8.0), (9.0, -2.0)]
 STATIONS = [(-15.0, -10.0), (15.0, 10.0)]
+POND = "<Placemark><name>pond</name><{0}><coordinates>9.44,47.6 9.45,47.6 9.44,47.61</coordinates></{0}></Placemark>"
 
 
 def earth(at: tuple[float, float]) -> tuple[float, float]:
@@ -288,10 +289,42 @@ def test_bad_plans_are_refused_by_feature(change: Any, said: str, tmp_path: Path
         (kml(fence="yard"), "fence"),
         (kml().replace("9.4", "a9.4", 1), "fence"),
         (kml().replace(f">{earth(FENCE[0])[1]:.9f},", ">nan,", 1), "longitude nan; allowed: finite numbers of degrees"),
+        (
+            kml().replace("</LinearRing></outer", "</LinearRing><LinearRing><coordinates/></LinearRing></outer", 1),
+            "fence: a <outerBoundaryIs> has 2 lists of coordinates, allowed: one",
+        ),
+        (
+            kml().replace("</coordinates>", "</coordinates><coordinates>9,47 9,48 8,47</coordinates>", 1),
+            "fence: a <outerBoundaryIs> has 2 lists of coordinates, allowed: one",
+        ),
+        (kml().replace(",0 ", ",0 <x/>", 1), "fence: there is a <x> among its coordinates, allowed: text"),
+        (
+            kml().replace("<Placemark><name>shed", f"{POND.format('LineString')}<Placemark><name>shed"),
+            "pond: it has places in a <LineString>, allowed: in the boundaries of a Polygon, and in a Point",
+        ),
+        (
+            kml().replace("<Placemark><name>shed", f"{POND.format('LinearRing')}<Placemark><name>shed"),
+            "pond: it has places in a <LinearRing>, allowed: in the boundaries of a Polygon, and in a Point",
+        ),
+        (kml().replace("outerBoundaryIs", "outer", 4), "fence: it has places in a <LinearRing>, allowed: in the bound"),
     ],
 )
 def test_bad_kml_is_refused(text: str, said: str, tmp_path: Path) -> None:
     assert said in refusal(tmp_path / "bad.kml", text)
+
+
+def test_comments_among_coordinates_and_holes_in_one_element_are_read(tmp_path: Path) -> None:
+    def hole(x: float) -> str:
+        text = " ".join(f"{lon:.9f},{lat:.9f}" for lat, lon in map(earth, [(x, 0.0), (x + 1.0, 0.0), (x, 1.0)]))
+        return f"<LinearRing><coordinates>{text}</coordinates></LinearRing>"
+
+    holes = f"</outerBoundaryIs><innerBoundaryIs>{hole(-9.0)}{hole(-6.0)}</innerBoundaryIs>"
+    made = read(
+        tmp_path / "a.kml", kml().replace("</outerBoundaryIs>", holes, 1).replace(",0 ", ",0 <!-- gate --> ", 1)
+    )
+    assert made.plan.fence is not None
+    assert len(made.plan.fence) == len(FENCE)
+    assert [area.name for area in made.plan.areas] == ["fence, hole 1", "fence, hole 2", "shed"]
 
 
 @pytest.mark.parametrize(
