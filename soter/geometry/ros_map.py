@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 MAX_IMAGE_BYTES: Final = 4 * MAX_CELLS
 _LEAST_CELLS: Final = 3
 _KINDS: Final = "a whole PGM or PNG"
+_BITS: Final = 24
+"""Where a PNG says how many bits its shades and colours have."""
+
 _UNKNOWN: Final = 50.0 / 255.0
 _HALF_A_SHADE: Final = 0.5 / 255.0
 
@@ -185,13 +188,20 @@ def _pixels(data: bytes, source: str) -> tuple[NDArray[np.float32], Bits | np.bo
                         "picture, whole",
                         source=source,
                     )
+                colours = len(image.palette.palette) // 3 if image.palette else 0
                 image.load()
-                if image.mode in ("1", "L"):
-                    return np.asarray(image.convert("L"), dtype=np.float32) / 255.0, np.True_
-                if image.mode.startswith("I"):
-                    return np.asarray(image).astype(np.float32) / 65535.0, np.True_
+                if image.mode in ("1", "L") or image.mode.startswith("I"):
+                    grey = np.asarray(image.convert("L") if image.mode == "1" else image)
+                    most = 65535.0 if image.mode.startswith("I") else 255.0
+                    return grey.astype(np.float32) / most, _opaque(data, image, grey)
+                if image.mode == "P" and np.asarray(image).max() >= colours:
+                    # The library takes black for them.
+                    raise ConfigError(f"it has colours that its palette lacks, allowed: {_KINDS}", source=source)
                 if image.mode not in ("LA", "P", "RGB", "RGBA"):
                     raise ConfigError(f"its pixels are {image.mode}, allowed: grey or coloured ones", source=source)
+                if image.mode == "RGB" and "transparency" in image.info and data[_BITS] == 16:
+                    # The library keeps the upper half of each pixel's colours, but all of the transparent one's.
+                    image.info["transparency"] = tuple(each >> 8 for each in image.info["transparency"])
                 pixels = np.asarray(image.convert("RGBA"))
     except Image.DecompressionBombError as failure:
         raise ConfigError(f"it is too large: {failure}", source=source) from failure
@@ -201,6 +211,16 @@ def _pixels(data: bytes, source: str) -> tuple[NDArray[np.float32], Bits | np.bo
         # What the library says of them is for who writes pictures.
         raise ConfigError(f"it is cut off, or spoilt in its middle, allowed: {_KINDS}", source=source) from failure
     return pixels[..., :3].mean(axis=2, dtype=np.float32) / 255.0, pixels[..., 3] == 255
+
+
+def _opaque(data: bytes, image: ImageFile, grey: NDArray[Any]) -> Bits | np.bool_:
+    """Return which grey pixels are opaque: all but those of the one shade that a PNG may name."""
+    clear = image.info.get("transparency")
+    if clear is None:
+        return np.True_
+    # The library counts it in bits of the file, and pixels of 2 or 4 bits as if they had 8.
+    bits = data[_BITS]
+    return np.asarray(grey != (clear * 85 if bits == 2 else clear * 17 if bits == 4 else clear))
 
 
 def _goes_on(data: bytes, image: ImageFile) -> bool:
