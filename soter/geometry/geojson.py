@@ -173,6 +173,8 @@ def _add(
         draft.note(name, f"it is a {shown_value(kind)}, allowed for a {role}: {allowed}")
         return
     polygons = [geometry["coordinates"]] if kind == "Polygon" else geometry["coordinates"]
+    if not polygons:
+        draft.note(name, "it has no polygons")
     for number, rings in enumerate(polygons):
         part = name if len(polygons) == 1 else f"{name}, part {number + 1}"
         projected = [[project(*position[:2]) for position in ring] for ring in rings]

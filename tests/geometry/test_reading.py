@@ -204,6 +204,11 @@ def test_the_shipped_worlds_are_read_and_written(path: Path, tmp_path: Path) -> 
         ),
         (lambda each: each.update(origin=[math.nan, 1.0]), "origin: it is [nan, 1.0]; allowed: longitude and latitude"),
         (lambda each: each["features"][1]["geometry"]["coordinates"].append([[9.4, 47.6]]), "hole"),
+        (lambda each: each["features"][1]["geometry"].update(coordinates=[]), "shed: it has no corners"),
+        (
+            lambda each: each["features"][1]["geometry"].update(type="MultiPolygon", coordinates=[]),
+            "shed: it has no polygons",
+        ),
         (lambda each: each["features"][1].pop("geometry"), "feature 2"),
         (lambda each: each["features"][1]["geometry"].pop("coordinates"), "shed"),
         (lambda each: each["features"][1]["geometry"]["coordinates"][0].append([]), "shed"),
