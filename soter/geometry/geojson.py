@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
@@ -63,7 +64,7 @@ def json_object(data: bytes, source: str) -> dict[str, Any]:
     NaN and Infinity, which JSON does not have, are read all the same: who uses them knows of which feature they are.
 
     Raises:
-        ConfigError: the file holds no JSON object.
+        ConfigError: the file holds no JSON object, or one with a key twice.
     """
 
     def whole(number: str) -> int:
@@ -71,8 +72,16 @@ def json_object(data: bytes, source: str) -> dict[str, Any]:
             raise ValueError(f"{cut(number)} has {len(number)} digits, allowed: {_MOST_DIGITS}")
         return int(number)
 
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        made = dict(pairs)
+        if len(made) < len(pairs):
+            # Its readers take the first one, or the last.
+            key, times = Counter(key for key, _ in pairs).most_common(1)[0]
+            raise ConfigError(f"an object has its key {shown_value(key)} {times} times, allowed: once", source=source)
+        return made
+
     try:
-        found = json.loads(data.decode("utf-8-sig"), parse_int=whole)
+        found = json.loads(data.decode("utf-8-sig"), parse_int=whole, object_pairs_hook=once)
     except UnicodeDecodeError as failure:
         raise ConfigError(f"not UTF-8, as JSON must be: {failure.reason}", source=source) from failure
     except json.JSONDecodeError as failure:

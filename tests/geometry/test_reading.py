@@ -227,6 +227,18 @@ def test_bad_geojson_is_refused_by_feature(change: Any, said: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
+    ("name", "text", "key"),
+    [
+        ("a.geojson", json.dumps(geojson()).replace('"features": ', '"features": [], "features": '), "features"),
+        ("a.geojson", json.dumps(geojson()).replace('"soter": "keep', '"soter": "fence", "soter": "keep'), "soter"),
+        ("a.plan", json.dumps(plan()).replace('"geoFence": ', '"geoFence": {}, "geoFence": '), "geoFence"),
+    ],
+)
+def test_a_key_that_is_given_twice_is_refused(name: str, text: str, key: str, tmp_path: Path) -> None:
+    assert refusal(tmp_path / name, text).endswith(f": an object has its key '{key}' 2 times, allowed: once")
+
+
+@pytest.mark.parametrize(
     "change",
     [
         lambda each: each["geometry"].update(coordinates=[True, 47.6]),
