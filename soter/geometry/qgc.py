@@ -52,7 +52,7 @@ def read(data: bytes, source: str) -> Draft:
         return places[-1]
 
     rings = [
-        (name, each.get("inclusion"), [place(name, at) for at in each.get("polygon") or []])
+        (name, each.get("inclusion"), [place(name, at) for at in _list(draft, each, "polygon", name)])
         for name, each in polygons
         if _is_table(draft, name, each)
     ]
@@ -62,8 +62,7 @@ def read(data: bytes, source: str) -> Draft:
         if _is_table(draft, name, each) and _is_table(draft, name, each.get("circle"))
     ]
     stations = [(name, place(name, at)) for name, at in points]
-    mission = plan.get("mission")
-    home = mission.get("plannedHomePosition") if isinstance(mission, dict) else None
+    home = _table(draft, plan, "mission").get("plannedHomePosition")
     at_home = place("plannedHomePosition", home) if home is not None else None
     if draft.problems or not places:
         return draft
@@ -103,9 +102,10 @@ def _table(draft: Draft, plan: dict[str, Any], key: str) -> dict[str, Any]:
     return found if _is_table(draft, key, found) else {}
 
 
-def _list(draft: Draft, table: dict[str, Any], key: str) -> list[Any]:
+def _list(draft: Draft, table: dict[str, Any], key: str, of: str = "") -> list[Any]:
+    """Return a list of a table, or of `of`, one of many such tables."""
     found = table.get(key, [])
     if not isinstance(found, list):
-        draft.note(key, f"it is {shown_value(found)}, allowed: a list")
+        draft.note(of or key, f"{f'its {key}' if of else 'it'} is {shown_value(found)}, allowed: a list")
         return []
     return found

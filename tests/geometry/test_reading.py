@@ -288,6 +288,12 @@ def test_what_is_allowed_of_a_feature_is_said_as_it_is(properties: dict[str, Any
         ),
         (lambda each: each["geoFence"].update(version=1), "geoFence.version: it is 1, allowed: 2, as QGroundControl"),
         (lambda each: each.update(geoFence=[]), "geoFence"),
+        (lambda each: each.update(mission=5), "mission: it is 5, allowed: an object"),
+        (lambda each: each["geoFence"].update(polygons=5), "polygons: it is 5, allowed: a list"),
+        (
+            lambda each: each["geoFence"]["polygons"][1].update(polygon=5),
+            "geoFence polygon 2: its polygon is 5, allowed: a list",
+        ),
         (lambda each: each.update(rallyPoints={"points": []}), "station"),
     ],
 )  # fmt: skip
