@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from soter.errors import ConfigError, nearest
-from soter.geometry.draft import Draft, Outline, Spot, circle
+from soter.geometry.draft import MAX_COORDINATE_M, Draft, Outline, Spot, circle
 from soter.geometry.earth import Projection, check_degrees, is_number, middle_of
 from soter.geometry.site import GeoOrigin
 from soter.geometry.workspace import HEIGHT_M
@@ -112,9 +112,11 @@ def _looks_right(draft: Draft, number: int, feature: Any) -> bool:
         draft.note(name, f"its property {ROLE} is {shown_value(role)}{close}; allowed: {', '.join(ROLES)}")
         return False
     for key in ("height_m", "radius_m", "side_m", "heading_deg"):
-        value = properties.get(key, 1.0)
-        if not is_number(value) or not math.isfinite(value) or (key != "heading_deg" and value <= 0.0):
-            allowed = "a number" if key == "heading_deg" else "a number above 0"
+        value, allowed = properties.get(key, 1.0), "a number" if key == "heading_deg" else "a number above 0"
+        wrong = not is_number(value) or not math.isfinite(value) or (key != "heading_deg" and value <= 0.0)
+        if key == "radius_m" and not wrong and value > MAX_COORDINATE_M:
+            wrong, allowed = True, f"at most {MAX_COORDINATE_M:g}"
+        if wrong:
             draft.note(name, f"its property {key} is {shown_value(value)}, allowed: {allowed}")
             return False
     if not isinstance(robot := properties.get("robot", 1), int) or isinstance(robot, bool):

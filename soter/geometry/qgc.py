@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, Final
 
 from soter.errors import ConfigError
-from soter.geometry.draft import Draft, Outline, Spot, circle
+from soter.geometry.draft import MAX_COORDINATE_M, Draft, Outline, Spot, circle
 from soter.geometry.earth import Projection, check_degrees, is_number, middle_of
 from soter.geometry.geojson import json_object
 from soter.geometry.site import GeoOrigin
@@ -72,8 +71,9 @@ def read(data: bytes, source: str) -> Draft:
         outline = Outline(name, [project(*at) for at in ring if at is not None])
         _add(draft, outline, inclusion)
     for name, inclusion, middle, radius_m in discs:
-        if not is_number(radius_m) or not math.isfinite(radius_m) or radius_m <= 0.0:
-            draft.note(name, f"its radius is {shown_value(radius_m)}, allowed: above 0, in metres")
+        if not is_number(radius_m) or not 0.0 < radius_m <= MAX_COORDINATE_M:
+            allowed = f"above 0, at most {MAX_COORDINATE_M:g}, in metres"
+            draft.note(name, f"its radius is {shown_value(radius_m)}, allowed: {allowed}")
         elif middle is not None:
             _add(
                 draft,

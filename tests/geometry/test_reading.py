@@ -72,6 +72,10 @@ def plan() -> dict[str, Any]:
     }
 
 
+def circle(radius_m: float) -> dict[str, Any]:
+    return {"inclusion": False, "circle": {"center": list(earth((0.0, 0.0))), "radius": radius_m}}
+
+
 def kml(*, fence: str = "fence") -> str:
     def text(ring: list[tuple[float, float]]) -> str:
         return " ".join(f"{lon:.9f},{lat:.9f},0" for lat, lon in map(earth, ring))
@@ -263,6 +267,7 @@ def test_one_feature_that_is_wrong_is_all_that_is_complained_of(change: Any, tmp
     [
         ({"soter": "start", "robot": 0}, "id is 0, allowed: a whole number from 1 to 254"),
         ({"soter": "start", "heading_deg": "east"}, "its property heading_deg is 'east', allowed: a number"),
+        ({"radius_m": 1e300}, "its property radius_m is 1e+300, allowed: at most 20000"),
         ({"side_m": 1e5}, "it is 100000 m wide, allowed: at most 20000 m"),
         ({"side_m": 0.01}, "it is 0.01 m wide, allowed: at least 0.1 m"),
     ],
@@ -281,7 +286,9 @@ def test_what_is_allowed_of_a_feature_is_said_as_it_is(properties: dict[str, Any
         (lambda each: each.update(fileType="Mission"), "fileType"),
         (lambda each: each["geoFence"]["polygons"][1].update(inclusion="no"), "polygon 2"),
         (lambda each: each["geoFence"]["polygons"][0]["polygon"].insert(0, [147.0, 9.0]), "polygon 1"),
-        (lambda each: each["geoFence"].update(circles=[{"inclusion": False, "circle": {"center": [47.6187, 9.4402], "radius": -1}}]), "circle 1"),  # noqa: E501
+        (lambda each: each["geoFence"].update(circles=[circle(-1)]), "circle 1: its radius is -1, allowed: above 0"),
+        (lambda each: each["geoFence"].update(circles=[circle(math.nan)]), "circle 1: its radius is nan"),
+        (lambda each: each["geoFence"].update(circles=[circle(1e300)]), "1e+300, allowed: above 0, at most 20000, in"),
         (
             lambda each: each["geoFence"]["polygons"][1]["polygon"].insert(0, [math.nan, 9.5]),
             "geoFence polygon 2: latitude nan, longitude 9.5; allowed: finite numbers of degrees",
