@@ -117,6 +117,20 @@ def _yaml(data: bytes, source: str) -> dict[Any, Any]:
                 )
             return super().compose_node(parent, index)
 
+        def construct_object(self, node: Any, deep: bool = False) -> Any:
+            """Return the value of a node, which may not fit its tag, or be of sixtieths, which ROS does not read."""
+            kind = node.tag.rpartition(":")[2]
+            try:
+                if kind in ("int", "float") and ":" in node.value:
+                    raise ValueError("it is of sixtieths")
+                return super().construct_object(node, deep)
+            except (ValueError, LookupError, AttributeError) as failure:
+                raise ConfigError(
+                    f"{shown_value(node.value)} is no {kind} that is read, allowed: plain numbers and texts",
+                    source=source,
+                    line=node.start_mark.line + 1,
+                ) from failure
+
     Loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(r"[-+]?\d+[eE][-+]?\d+$"), [*"-+0123456789"])
     try:
         found = Loader(data).get_single_data()

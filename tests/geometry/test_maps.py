@@ -290,39 +290,31 @@ def test_what_is_allowed_of_a_map_is_said_once(change: dict[str, Any], said: str
     assert str(refused.value) == f"{tmp_path / 'map.yaml'}: {said}"
 
 
-@pytest.mark.parametrize(
-    ("picture", "said"),
-    [
-        (b"GIF89a", "it is no picture of a kind that is read"),
-        (b"", "it is no picture of a kind that is read"),
-        (b"P5 160000000000 12 255\n", "it is cut off, or spoilt in its middle"),
-        (b"P5 16 12 255\n" + bytes(100), "it is cut off, or spoilt in its middle"),
-    ],
-)
-def test_pictures_that_cannot_be_read_are_refused_in_plain_words(picture: bytes, said: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError) as refused:
-        read_workspace(written(tmp_path, picture), inhabited=False)
-    file, named = tmp_path / "map.yaml", tmp_path / "map.pgm"
-    assert str(refused.value) == f"{file}: image: {named}: {said}, allowed: a whole PGM or PNG"
-
-
-PLAIN = b"P2 3 3\n# of 4 x 4\n255\n" + b"254 " * 9
-
-
-@pytest.mark.parametrize("head", [b"P5 3 3 255\n" + b"\xfe" * 9, b"P5 3 3 65535\n" + b"\xfe" * 18, PLAIN])
-def test_a_picture_ends_where_its_head_says(head: bytes, tmp_path: Path) -> None:
-    for end in (b"", b"\n"):
-        assert not cells(written(tmp_path, head + end)).any()
-    with pytest.raises(ConfigError, match=r"map.pgm: it goes on after the 3 x 3 pixels .* allowed: a PGM of one"):
-        cells(written(tmp_path, head + b"254"))
-
-
 def test_numbers_may_be_written_as_ros_takes_them(tmp_path: Path) -> None:
     file = written(tmp_path)
     before = cells(file)
     file.write_text(file.read_text().replace('"resolution": 0.5', '"resolution": 5e-1'))
     assert "5e-1" in file.read_text()
     assert np.array_equal(cells(file), before)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("!!bool maybe", "'maybe' is no bool"),
+        ("!!int ''", "'' is no int"),
+        ("!!float ''", "'' is no float"),
+        ("!!timestamp abc", "'abc' is no timestamp"),
+        ("1:30", "'1:30' is no int"),
+        ("1:30.5", "'1:30.5' is no float"),
+    ],
+)
+def test_a_value_that_does_not_fit_its_tag_is_refused_with_its_line(value: str, said: str, tmp_path: Path) -> None:
+    file = written(tmp_path)
+    file.write_text(file.read_text().replace('"negate": 0', f'\n"negate": {value}'))
+    with pytest.raises(ConfigError) as refused:
+        read_workspace(file, inhabited=False)
+    assert str(refused.value) == f"{file}:2: {said} that is read, allowed: plain numbers and texts"
 
 
 def test_a_key_that_is_given_twice_is_refused_with_its_line(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of maps that libraries seldom write: shades that stand for nothing, and palettes that are too short."""
+"""Pictures of maps: what cannot be read of them, and shades and palettes that libraries seldom write."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from soter.errors import ConfigError
+from soter.geometry.reading import read_workspace
 from tests.geometry.test_maps import cells, written
 
 
@@ -46,3 +47,30 @@ def test_colours_that_a_palette_lacks_are_refused(palette: list[tuple[bytes, byt
         cells(written(tmp_path, png(8, 3, b"\0\0\1\0", *palette), "map.png"))
     whole = (b"PLTE", bytes([255] * 6))
     assert not cells(written(tmp_path, png(8, 3, b"\0\0\1\0", whole), "map.png")).any()
+
+
+@pytest.mark.parametrize(
+    ("picture", "said"),
+    [
+        (b"GIF89a", "it is no picture of a kind that is read"),
+        (b"", "it is no picture of a kind that is read"),
+        (b"P5 160000000000 12 255\n", "it is cut off, or spoilt in its middle"),
+        (b"P5 16 12 255\n" + bytes(100), "it is cut off, or spoilt in its middle"),
+    ],
+)
+def test_pictures_that_cannot_be_read_are_refused_in_plain_words(picture: bytes, said: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as refused:
+        read_workspace(written(tmp_path, picture), inhabited=False)
+    file, named = tmp_path / "map.yaml", tmp_path / "map.pgm"
+    assert str(refused.value) == f"{file}: image: {named}: {said}, allowed: a whole PGM or PNG"
+
+
+PLAIN = b"P2 3 3\n# of 4 x 4\n255\n" + b"254 " * 9
+
+
+@pytest.mark.parametrize("head", [b"P5 3 3 255\n" + b"\xfe" * 9, b"P5 3 3 65535\n" + b"\xfe" * 18, PLAIN])
+def test_a_picture_ends_where_its_head_says(head: bytes, tmp_path: Path) -> None:
+    for end in (b"", b"\n"):
+        assert not cells(written(tmp_path, head + end)).any()
+    with pytest.raises(ConfigError, match=r"map.pgm: it goes on after the 3 x 3 pixels .* allowed: a PGM of one"):
+        cells(written(tmp_path, head + b"254"))
