@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Final
@@ -107,6 +108,13 @@ def _looks_right(draft: Draft, number: int, feature: Any) -> bool:
         draft.note(f"feature {number}", f"it has no properties, allowed: {ROLE} = one of {', '.join(ROLES)}")
         return False
     name, role = _name(number, feature), properties.get(ROLE)
+    # JSON can write half of a character, which no file can hold.
+    if half := re.search("[\ud800-\udfff]", name):
+        draft.note(
+            f"feature {number}",
+            f"its name has {shown_value(half[0])}, which is half of a character; allowed: whole ones",
+        )
+        return False
     if role not in ROLES:
         close = nearest(role, list(ROLES)) if isinstance(role, str) else ""
         draft.note(name, f"its property {ROLE} is {shown_value(role)}{close}; allowed: {', '.join(ROLES)}")

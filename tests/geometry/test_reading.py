@@ -252,6 +252,7 @@ def test_a_key_that_is_given_twice_is_refused(name: str, text: str, key: str, tm
         lambda each: each["properties"].update(side_m=True),
         lambda each: each["properties"].update(side_m=-1),
         lambda each: each["properties"].update(robot=True),
+        lambda each: each["properties"].update(name="north \ud800"),
     ],
 )
 def test_one_feature_that_is_wrong_is_all_that_is_complained_of(change: Any, tmp_path: Path) -> None:
