@@ -13,7 +13,7 @@ from soter.geometry.grid import GridMap
 from soter.geometry.site import Area, GeoOrigin, Site, SitePlan
 from soter.geometry.workspace import HEIGHT_M, MAX_ROBOT_ID, Point, Ring, RobotPlace, as_box
 from soter.geometry.workspace_xml import BODY_RADIUS_M, MIN_STATION_M, SLACK_M, STATION_SIDE_M
-from soter.problems import Problem, config_error
+from soter.problems import Problem, config_error, cut
 
 MAX_COORDINATE_M: Final = 20_000.0
 MAX_CORNERS: Final = 20_000
@@ -101,7 +101,7 @@ class Draft:
 
     def note(self, name: str, message: str, line: int | None = None, source: str | None = None) -> None:
         """Note a problem of a feature; `source` is where it was given, if not in this file."""
-        self.problems.append(Problem(message, name, line, source))
+        self.problems.append(Problem(message, cut(name), line, source))
 
     def add(self, outline: Outline, holes: Sequence[Sequence[Point]], *, fence: bool) -> None:
         """Add an outer boundary, whose holes become keep-outs, or a keep-out, which must not have any."""
@@ -157,7 +157,7 @@ def site_of(
     """
     _check_size(draft)
     if len(draft.fences) > 1:
-        names = ", ".join(each.name for each in draft.fences)
+        names = ", ".join(cut(each.name) for each in draft.fences[:5])
         draft.note("fence", f"there are {len(draft.fences)} outer boundaries ({names}), allowed: one; merge them")
     _stop(draft)
     # Imported here: only polygons need the library.
@@ -343,7 +343,7 @@ def _check_places(draft: Draft, site: Site, phi_safer_m: float, spacing_m: float
                 draft.note(
                     name,
                     f"the body (radius {body_radius_m:g} m) at ({at[0]:g}, {at[1]:g}) is {floor_m(clearance_m)} m from "
-                    f"'{_nearest_area(site, at)}'; allowed: at least {needed_m:g} m; {where}",
+                    f"'{cut(_nearest_area(site, at))}'; allowed: at least {needed_m:g} m; {where}",
                     line,
                     source,
                 )

@@ -263,6 +263,15 @@ def test_one_feature_that_is_wrong_is_all_that_is_complained_of(change: Any, tmp
     assert "\n" not in said
 
 
+def test_a_long_name_is_cut_in_messages(tmp_path: Path) -> None:
+    bad = geojson()
+    bad["features"][0]["properties"]["name"] = "y" * 5000
+    bad["features"].append(bad["features"][0])
+    assert f"2 outer boundaries ({'y' * 57}..., {'y' * 57}...)" in refusal(tmp_path / "bad.geojson", bad)
+    bad["features"][1]["properties"].update(name="z" * 5000, height_m=-1)
+    assert f": {'z' * 57}...: its property" in refusal(tmp_path / "bad.geojson", bad)
+
+
 @pytest.mark.parametrize(
     ("properties", "said"),
     [
