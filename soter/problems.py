@@ -151,6 +151,11 @@ _KEY_PART = rf"""(?:{_BARE}|"[^"]*"|'[^']*')"""
 _KEY = rf"{_KEY_PART}(?:[ \t]*\.[ \t]*{_KEY_PART})*"
 _HEADER = re.compile(rf"\s*(\[\[?)\s*({_KEY})\s*\]")
 _PAIR = re.compile(rf"\s*({_KEY})[ \t]*=")
+# Texts, of any kind, and comments; what is not closed reaches to its end, so that nothing is looked at twice.
+_TEXT = re.compile(
+    r'''"""(?:\\.|[^\\])*?(?:"{3,5}|\\?\Z)|'{3}.*?(?:'{3,5}|\Z)|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?|\#[^\n]*''', re.DOTALL
+)
+_LONG_KEY = re.compile(rf"""(?<![A-Za-z0-9_-])(?:(?:{_BARE}|"")[ \t]*\.[ \t]*){{{MAX_NESTING},}}""")
 
 
 def dotted(*parts: str) -> str:
@@ -204,6 +209,10 @@ def parse_toml(data: bytes, source: str, what: str) -> tuple[dict[str, Any], dic
     except UnicodeDecodeError as failure:
         line = data[: failure.start].count(b"\n") + 1
         raise ConfigError("not UTF-8, as TOML must be; save it as UTF-8", source=source, line=line) from failure
+    # Of a key with many parts the library makes tables in a time that grows with their square. Texts have dots, too.
+    plain = _TEXT.sub(lambda found: '""' + "\n" * found[0].count("\n"), text)
+    if long := _LONG_KEY.search(plain):
+        raise ConfigError(TOO_DEEP, source=source, line=plain.count("\n", 0, long.start()) + 1)
     try:
         tables = tomllib.loads(text)
     except ValueError as failure:

@@ -371,6 +371,11 @@ def test_comments_among_coordinates_and_holes_in_one_element_are_read(tmp_path: 
     ("text", "said"),
     [
         ("[fence", "TOML"),
+        (
+            f'a = """\n{"b." * 20}c"""\n{"b." * 19}"d e" . c = 1',
+            ":3: tables or lists are nested too deeply, allowed: at",
+        ),
+        (f"[{'b.' * 20}c]", ":1: tables or lists are nested too deeply, allowed: at most 20 levels"),
         ("[fence]\npolygon = [[0, 0], [1, 0]]\ncircle = {x_m = 0.0, y_m = 0.0, radius_m = 1.0}", "one of"),
         ("[fence]\ncircle = {x_m = 0.0, y_m = nan, radius_m = 1.0}", "finite"),
         ("[fence]\ncircle = {x_m = 0.0, y_m = 0.0, radius = 1.0}", "radius_m"),
@@ -384,6 +389,16 @@ def test_comments_among_coordinates_and_holes_in_one_element_are_read(tmp_path: 
 )
 def test_bad_toml_is_refused_by_key(text: str, said: str, tmp_path: Path) -> None:
     assert said in refusal(tmp_path / "bad.toml", text)
+
+
+DOTS = "b." * 200 + "c = 1"
+
+
+@pytest.mark.parametrize("text", [f'"{DOTS}"', f"'{DOTS}'", f'"""\n{DOTS}\n\\""" "\n{DOTS}"""', f"'''\n{DOTS}''''"])
+def test_texts_and_comments_of_toml_may_have_many_dots(text: str, tmp_path: Path) -> None:
+    whole = f"# {DOTS}\n[[keep_out]]\nname = {text} # {DOTS}\ncircle = {{ x_m = 5.5, y_m = 5.5, radius_m = 0.5 }}\n"
+    made = read(tmp_path / "a.toml", f"{whole}[[station]]\nx_m = 0.0\ny_m = 0.0")
+    assert DOTS in made.plan.areas[0].name
 
 
 def test_a_file_that_is_too_long_needs_fewer_corners(tmp_path: Path) -> None:
