@@ -25,7 +25,7 @@ def test_without_a_lease_of_its_own_the_vehicle_is_never_sent_further_than_ours_
     tick(puppet, robot)
     robot.goto(FAR, SC)
     promised = robot.declared
-    lease_s = promised.lease_s - 0.5 * promised.setpoint_period_s
+    lease_s = promised.lease_s - promised.jitter_s - 0.5 * promised.setpoint_period_s
     full_m = promised.v_max_m_s * lease_s + promised.v_max_m_s**2 / (2.0 * promised.brake_m_s2)
     assert puppet.targets()[-1][1]["y"] == pytest.approx(full_m)
     for _ in range(4):
@@ -89,7 +89,7 @@ def test_a_slow_vehicle_is_sent_no_farther_than_it_drives_in_the_time_of_a_fast_
     tick(puppet, robot)
     robot.goto(FAR._replace(speed_m_s=0.25), SC)
     promised = robot.declared
-    lease_s = promised.lease_s - 0.5 * promised.setpoint_period_s
+    lease_s = promised.lease_s - promised.jitter_s - 0.5 * promised.setpoint_period_s
     covered_m = counts_m_s * (lease_s + 1.0 / (2.0 * promised.brake_m_s2))
     assert puppet.targets()[-1][1]["y"] == pytest.approx(covered_m)
 
@@ -103,7 +103,7 @@ def test_however_slow_it_is_sent_so_far_that_it_sets_out_and_no_farther_than_a_f
     tick(puppet, robot)
     robot.goto(FAR._replace(speed_m_s=0.003), SC)
     promised = robot.declared
-    lease_s = promised.lease_s - 0.5 * promised.setpoint_period_s
+    lease_s = promised.lease_s - promised.jitter_s - 0.5 * promised.setpoint_period_s
     covered_m = v_max_m_s * lease_s + v_max_m_s**2 / (2.0 * promised.brake_m_s2)
     assert puppet.targets()[-1][1]["y"] == pytest.approx(min(0.015, covered_m))
 
