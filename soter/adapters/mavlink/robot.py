@@ -340,7 +340,9 @@ class MavlinkRobot(Robot):
         self._standing.driven_on()
         if not self._sampler.flies:
             # A rover hears of a target late, acts on it half a period later, and brakes harder and later than promised.
-            left_s = max(left_s - promised.jitter_s - 0.5 * promised.setpoint_period_s, 0.0)
+            # A boat that is sent less far does not get on.
+            late_s = 0.0 if self._vehicle.kind.drifts else promised.jitter_s
+            left_s = max(left_s - late_s - 0.5 * promised.setpoint_period_s, 0.0)
         # A slow vehicle would take long to a place as far ahead as a fast one may be sent, however dead the lease is;
         # this far it takes as long as a fast one.
         cap_m_s = promised.v_max_m_s if target.speed_m_s is None else target.speed_m_s
