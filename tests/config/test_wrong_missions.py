@@ -34,7 +34,7 @@ WRONG: list[tuple[str, str]] = [
         '[isolation]\nread = ["a", "\\u0000"]',
         "m.toml:3: isolation.read.1: it has the character U+0000, allowed: what a file can be called",
     ),
-    (30 * "a." + "b = 1", "m.toml: tables or lists are nested too deeply, allowed: at most 20 levels"),
+    (30 * "a." + "b = 1", "m.toml:2: tables or lists are nested too deeply, allowed: at most 20 levels"),
     # names
     (
         "[[station]]\nx_m = 1.0\ny_m = 2.0\nside = 1.0\n",
