@@ -62,7 +62,8 @@ def read_world() -> tuple[Workspace, Sequence[RobotSpec], RuleLimits]:
     except msgspec.DecodeError as failure:
         raise ValueError(f"standard input holds no world: {failure}") from failure
     made_of = room if site is None else site
-    assert made_of is not None
+    if made_of is None:
+        raise ValueError("standard input holds no world: it has neither a room nor a site")
     return from_plain(made_of), robots, limits
 
 

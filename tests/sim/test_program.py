@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 
 from soter.config import load_mission
@@ -36,6 +37,13 @@ def test_a_world_whose_starter_is_gone_ends_without_a_word(monkeypatch: pytest.M
         monkeypatch.setattr(sys, "stdout", stdout)
         program.serve(endpoint, ended)
     assert did == ["ran", "closed"]
+
+
+def test_a_world_of_neither_kind_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    described = msgspec.msgpack.encode((None, None, (), RuleLimits()))
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=BytesIO(described)))
+    with pytest.raises(ValueError, match="neither a room nor a site"):
+        program.read_world()
 
 
 @pytest.mark.parametrize("mission", ["surveillance.toml", "worlds/patrol.toml", "worlds/flat-patrol.toml"])

@@ -340,8 +340,7 @@ class MavlinkRobot(Robot):
         self._standing.driven_on()
         if not self._sampler.flies:
             # A rover hears of a target late, acts on it half a period later, and brakes harder and later than promised.
-            # A boat that is sent less far does not get on.
-            late_s = 0.0 if self._vehicle.kind.drifts else promised.jitter_s
+            late_s = 0.0 if self._vehicle.kind.drifts else promised.jitter_s  # a boat would not get on
             left_s = max(left_s - late_s - 0.5 * promised.setpoint_period_s, 0.0)
         # A slow vehicle would take long to a place as far ahead as a fast one may be sent, however dead the lease is;
         # this far it takes as long as a fast one.

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from soter.config import load_mission
 from soter.conformance import CLAUSES, Verdict, find_harness, judge, select
 from soter.conformance.given import Given, GivenHarness
 from soter.runner import Follower, RunResult, run_mission
-from soter.sdk import Controller, GoalStatus, RobotSpec, Waypoint
+from soter.sdk import Controller, Fleet, GoalStatus, Robot, RobotSpec, Waypoint
 from soter_sim.mavlink.kinds import Mode
 from tests.adapters.mavlink.virtual import BACKEND, VirtualBackend, VirtualConfig, Wire
 
@@ -214,12 +215,19 @@ def given_vehicle(like: str = "ardurover", **promise: Any) -> tuple[VirtualConfi
     return config, RobotSpec(start.id, start.x_m, start.y_m, 0.3, promised=VirtualBackend.promises(config))
 
 
-def test_a_rover_that_has_rolled_beyond_its_target_does_not_turn_round() -> None:
+@contextmanager
+def ready_rover() -> Iterator[tuple[Fleet, Robot, RobotSpec]]:
+    """Yield the first rover of the example, ready, with its AC in charge."""
     config, spec = given_vehicle()
     with VirtualBackend().open(config, [spec]) as fleet:
         (robot,) = fleet.robots
         robot.init(60.0)
         robot.switch_ac_sc(Controller.AC, "test")
+        yield fleet, robot, spec
+
+
+def test_a_rover_that_has_rolled_beyond_its_target_does_not_turn_round() -> None:
+    with ready_rover() as (fleet, robot, spec):
         robot.goto(Waypoint(spec.x_m + 2.0, spec.y_m + 1.0, radius_m=0.3), Controller.AC)
         turned_rad, x_m, y_m = 0.0, math.nan, math.nan
         for _ in range(240):
@@ -233,11 +241,7 @@ def test_a_rover_that_has_rolled_beyond_its_target_does_not_turn_round() -> None
 
 
 def test_a_rover_that_is_sent_to_where_it_is_stays_there() -> None:
-    config, spec = given_vehicle()
-    with VirtualBackend().open(config, [spec]) as fleet:
-        (robot,) = fleet.robots
-        robot.init(60.0)
-        robot.switch_ac_sc(Controller.AC, "test")
+    with ready_rover() as (fleet, robot, spec):
         at = robot.read_state()
         goal = robot.goto(Waypoint(at.x_m - 0.03, at.y_m - 0.02, radius_m=0.1), Controller.AC)
         for _ in range(100):
